@@ -4,7 +4,13 @@
 //! Long work runs on threads of our own, because Bevy's pool for computations has one
 //! thread on up to five cores, and a game's own tasks would wait behind a painting. Each [`Lane`] does one
 //! thing after another, on a few threads of low priority ([`StyleThreads`]). Dropping what [`Workers::start`]
-//! returns stops the computation.
+//! returns stops the computation. A browser has no threads: there, a worker ([`browser`]) lays on paint, and all
+//! else is a task on the page's only one.
+
+#[cfg(target_family = "wasm")]
+pub(crate) mod browser;
+#[cfg(any(test, target_family = "wasm"))]
+mod script;
 
 use std::{
     collections::VecDeque,
@@ -310,6 +316,8 @@ impl Plugin for WorkPlugin {
             .register_type::<StyleThreads>()
             .insert_resource(workers.clone())
             .add_systems(First, set_threads.run_if(resource_changed::<StyleThreads>));
+        #[cfg(target_family = "wasm")]
+        app.add_systems(Last, browser::stop_canceled);
         if let Some(render_app) = app.get_sub_app_mut(bevy::render::RenderApp) {
             render_app.insert_resource(workers);
         }

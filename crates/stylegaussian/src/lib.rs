@@ -21,6 +21,7 @@
 //!
 //! No file is read or written here: the crate `stylegaussian_files` does both.
 
+pub mod apart;
 pub mod axes;
 mod bulk;
 pub mod camera;

@@ -52,6 +52,13 @@ pub enum Styles<'a> {
         /// The decoder.
         decode: &'a mut dyn Decode,
     },
+    /// Paint that was laid on [apart](crate::apart).
+    Laid {
+        /// What such a recipe without looks gave.
+        painted: Painted,
+        /// The weights of its paintings together.
+        weight: f64,
+    },
     /// None: there are looks alone.
     None,
 }
@@ -199,6 +206,7 @@ impl Styles<'_> {
         match self {
             Self::Painted { paintings, .. } => paintings.iter().map(|(_, weight)| *weight).collect(),
             Self::Decoded { styles, .. } => styles.iter().map(|(_, weight)| *weight).collect(),
+            Self::Laid { weight, .. } => vec![*weight],
             Self::None => Vec::new(),
         }
     }
@@ -235,6 +243,7 @@ impl Styles<'_> {
                 let colors = decode.decode(scene, &map).map_err(RestyleError::Decode)?;
                 Ok(Painted { colors, ..Painted::default() })
             }
+            Self::Laid { painted, .. } => Ok(painted),
             Self::None => Ok(Painted::default()),
         }
     }
@@ -296,6 +305,9 @@ mod tests {
             content: 0.0,
         };
         let mixed = recipe(1.0, 3.0).restyle(&scene, &work).unwrap();
+        let laid = Styles::Laid { painted: painted.clone(), weight: 3.0 };
+        let of_laid = Recipe { styles: laid, ..recipe(1.0, 3.0) }.restyle(&scene, &work).unwrap();
+        assert_eq!((&of_laid.colors, &of_laid.strokes), (&mixed.colors, &mixed.strokes));
         for (mixed, painted) in mixed.colors.iter().zip(&painted.colors) {
             let expected = Vec3::from(*painted) * 0.75 + Vec3::new(0.5, 0.25, 0.0) * 0.25;
             assert!(Vec3::from(*mixed).distance(expected) < 1e-5, "{mixed:?} {expected}");

@@ -1,8 +1,11 @@
 //! Long computations that tell how far they are, and stop soon if nobody wants them any more.
 
-use std::sync::{
-    Arc,
-    atomic::{AtomicBool, AtomicU32, Ordering},
+use std::{
+    fmt,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicU32, Ordering},
+    },
 };
 
 /// Nobody wants the result of a computation any more, so there is none.
@@ -19,12 +22,22 @@ pub struct Work {
     length: f32,
 }
 
-#[derive(Debug, Default)]
+#[derive(Default)]
 struct State {
     is_canceled: AtomicBool,
     /// Bits of an `f32`, 0..1. They are those of 0 at first, and of positive numbers they have the numbers'
     /// order.
     done: AtomicU32,
+    /// Hears of each larger share.
+    tell: Option<Box<Tell>>,
+}
+
+type Tell = dyn Fn(f32) + Send + Sync;
+
+impl fmt::Debug for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("State").field("is_canceled", &self.is_canceled).field("done", &self.done).finish()
+    }
 }
 
 impl Default for Work {
@@ -34,6 +47,11 @@ impl Default for Work {
 }
 
 impl Work {
+    /// A computation that calls `tell` with each larger share of it that is done, on the thread that computes.
+    pub fn telling(tell: impl Fn(f32) + Send + Sync + 'static) -> Self {
+        Self { state: Arc::new(State { tell: Some(Box::new(tell)), ..State::default() }), ..Self::default() }
+    }
+
     /// Tells the computation to stop.
     pub fn cancel(&self) {
         self.state.is_canceled.store(true, Ordering::Relaxed);
@@ -55,7 +73,10 @@ impl Work {
     /// If nobody wants the result any more.
     pub fn at(&self, share: f32) -> Result<(), Canceled> {
         let done = (self.begin + self.length * share.clamp(0.0, 1.0)).clamp(0.0, 1.0);
-        self.state.done.fetch_max(done.to_bits(), Ordering::Relaxed);
+        let before = self.state.done.fetch_max(done.to_bits(), Ordering::Relaxed);
+        if let Some(tell) = self.state.tell.as_ref().filter(|_| done.to_bits() > before) {
+            tell(done);
+        }
         self.check()
     }
 
@@ -94,6 +115,16 @@ mod tests {
         assert_eq!(work.done(), 0.75);
         second.part(0.5, 1.0).at(1.0).unwrap();
         assert_eq!(work.done(), 1.0);
+    }
+
+    #[test]
+    fn larger_shares_are_told() {
+        let (send, told) = std::sync::mpsc::channel();
+        let work = Work::telling(move |share| send.send(share).unwrap());
+        for share in [0.0, 0.25, 0.5, 0.5, 0.25] {
+            work.part(0.0, 0.5).at(share).unwrap();
+        }
+        assert_eq!(told.try_iter().collect::<Vec<_>>(), [0.125, 0.25]);
     }
 
     #[test]

@@ -9,7 +9,6 @@ mod bridge;
 mod camera;
 mod failure;
 mod memory;
-mod painted;
 mod paintings;
 mod save;
 mod scene;

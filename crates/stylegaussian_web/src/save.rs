@@ -7,7 +7,7 @@ use bevy::{
 };
 use bevy_stylegaussian::{
     AppliedStyle, GaussianScene, GaussianSplats,
-    stylegaussian::{Scene, fold::StylizeError, morton, paint::Painted},
+    stylegaussian::{Scene, fold::StylizeError, morton, paint::Painted, strokes::Strokes},
     stylegaussian_files::scene_to_bytes,
 };
 use js_sys::{Array, Uint8Array};
@@ -16,7 +16,6 @@ use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
 
 use crate::{
     bridge::{self, Event, Request},
-    painted,
     paintings::Paintings,
     scene::Shown,
     style::Wish,
@@ -115,7 +114,18 @@ pub fn scene(
 fn shown_in(style: &AppliedStyle, scene: &Scene) -> Result<Vec<u8>, StylizeError> {
     let strokes = style.strokes().map(|strokes| (**strokes).clone()).unwrap_or_default();
     let painted = Painted { colors: style.colors()?.to_vec(), strokes, ..Painted::default() };
-    Ok(painted::to_bytes(&painted::in_order(&painted, &morton::order(&scene.means))))
+    Ok(in_order(&painted, &morton::order(&scene.means)).to_bytes())
+}
+
+/// A painted scene with its Gaussians in another order, `indices` `[N]` into the present one.
+fn in_order(painted: &Painted, indices: &[u32]) -> Painted {
+    fn of<T: Copy>(values: &[T], indices: &[u32]) -> Vec<T> {
+        indices.iter().map(|i| values[*i as usize]).collect()
+    }
+    let Strokes { seeds, words, textures } = painted.strokes.clone();
+    let words = if words.is_empty() { words } else { of(&words, indices) };
+    let strokes = Strokes { seeds, words, textures };
+    Painted { colors: of(&painted.colors, indices), strokes, ..*painted }
 }
 
 /// Has the browser save bytes as a file of this name.
@@ -127,4 +137,20 @@ fn download(bytes: &[u8], name: &str) {
     link.set_download(name);
     link.click();
     revoke(&url);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_go_with_their_gaussians() {
+        let colors = vec![[0.1, 0.2, 0.3], [-0.25, 0.5, 1.25], [0.7, 0.8, 0.9]];
+        let strokes = Strokes { words: vec![7, 8, 9], ..Strokes::default() };
+        let mut painted = Painted { colors, strokes, ..Painted::default() };
+        let turned = in_order(&painted, &[2, 0, 1]);
+        assert_eq!((turned.colors[0], &turned.strokes.words[..]), (painted.colors[2], &[9, 7, 8][..]));
+        painted.strokes.words.clear();
+        assert!(in_order(&painted, &[2, 1, 0]).strokes.words.is_empty());
+    }
 }

@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
-    GaussianSplats, StyleLook, StyleSource, StyleStatistics,
+    StyleSource, StyleStatistics,
     style::{StyleInput, StyleMethod, StyleMotion, decoder::StyleBudget},
 };
 use js_sys::{Array, Float32Array};
@@ -11,7 +11,7 @@ use wasm_bindgen::JsValue;
 
 use crate::{
     bridge::{self, Event, Request},
-    paintings::{Paintings, Wanted},
+    paintings::Paintings,
     worker::{self, State},
 };
 
@@ -83,10 +83,10 @@ pub fn wish(mut requests: MessageReader<Request>, mut wish: ResMut<Wish>, mut ar
 pub fn put_on(
     mut wish: ResMut<Wish>,
     mut paintings: ResMut<Paintings>,
-    scene: Single<(&GaussianSplats, &mut StyleSource)>,
+    source: Single<&mut StyleSource>,
     mut method: ResMut<StyleMethod>,
     mut images: ResMut<Assets<Image>>,
-    stored: (Res<Assets<StyleStatistics>>, Res<Assets<StyleLook>>),
+    styles: Res<Assets<StyleStatistics>>,
     assets: Res<AssetServer>,
 ) {
     let is_painting = |name: &str| name.starts_with("image:") || name.starts_with("paint:");
@@ -96,15 +96,12 @@ pub fn put_on(
         return;
     }
     wish.is_due = false;
-    let (splats, mut source) = scene.into_inner();
+    let mut source = source.into_inner();
     let by_decoder = wish.is_decoded();
     let mut mix = Vec::new();
     for (name, weight) in &wish.styles {
         let input = match is_painting(name) {
-            true => {
-                let wanted = Wanted { name, by_decoder, scene: splats.0.id() };
-                paintings.input(wanted, &assets, &mut images, (&stored.0, &stored.1))
-            }
+            true => paintings.input(name, by_decoder, &assets, &mut images, &styles),
             false => Ok(file(name, &assets)),
         };
         match input {

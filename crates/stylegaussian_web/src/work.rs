@@ -7,7 +7,7 @@ use bevy::math::UVec2;
 use bevy_stylegaussian::{
     stylegaussian::{
         Decoder, Neighbors, Scene,
-        paint::{Canvas, Painted, Surface},
+        paint::{Paint, Painted},
         restyle::{Recipe, Styles},
         views::choose_views,
         work::Work,
@@ -26,8 +26,6 @@ use stylegaussian_train::{
 };
 use wasm_bindgen::{JsError, JsValue, prelude::wasm_bindgen};
 
-use crate::painted;
-
 /// Pictures that a scene is embedded from, and the longer side of one in pixels: fewer and smaller ones than
 /// the command line's 60 of 512 pixels, because a page computes on one thread.
 const N_VIEWS: usize = 32;
@@ -40,8 +38,6 @@ const SCENE: &str = "scene.sgs";
 #[derive(Default)]
 struct Held {
     scene: Scene,
-    /// The scene's surface, once paint was laid on.
-    surface: Option<Surface>,
     /// The default encoder, once it was needed.
     encoder: Option<Encoder>,
 }
@@ -89,14 +85,25 @@ pub fn work_encode(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, 
     HELD.with_borrow_mut(|held| held.encode(name, bytes)).map_err(|error| JsError::new(&error))
 }
 
-/// Lays the paint of a JPEG or PNG image of this name on the scene, and returns its colors and strokes in the
-/// order of a `.sgs`, as bytes of [`painted`]. No encoder takes part.
+/// Reads the paint of a JPEG or PNG image of this name, and returns its width, its height and its pixels as
+/// RGBA. Those that may not be used are transparent. No encoder takes part.
 #[wasm_bindgen]
-pub fn work_paint(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, JsError> {
+pub fn work_pixels(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, JsError> {
     TELL.set(Some(tell));
     tell_progress("painting", None);
-    let painted = HELD.with_borrow_mut(|held| held.paint(name, bytes));
-    Ok(painted::to_bytes(&painted.map_err(|error| JsError::new(&error))?))
+    let painting = painting(name, bytes).map_err(|error| JsError::new(&error))?;
+    Ok(pixels(&paint_of(&painting)))
+}
+
+fn pixels(paint: &Paint) -> Vec<u8> {
+    let used = |i: usize| paint.used.as_ref().is_none_or(|used| used[i]);
+    let pixels = paint.pixels.as_chunks::<3>().0.iter().enumerate();
+    let pixels = pixels.flat_map(|(i, [r, g, b])| [*r, *g, *b, if used(i) { 255 } else { 0 }]);
+    [paint.width, paint.height]
+        .into_iter()
+        .flat_map(|side| (side as u32).to_le_bytes())
+        .chain(pixels)
+        .collect()
 }
 
 /// Decodes a mix of `.style.safetensors`, and returns the scene in these colors as a `.glb`.
@@ -108,8 +115,8 @@ pub fn work_decode(styles: Array, weights: &[f32], content: f32) -> Result<Vec<u
     Ok(scene_to_bytes("scene.glb", &scene.map_err(|error| JsError::new(&error))?)?)
 }
 
-/// Returns the scene as a `.glb` in colors and the mean of the strokes over them, bytes of [`painted`] in the
-/// order of a `.sgs`, or in its own colors if there are none.
+/// Returns the scene as a `.glb` in colors and the mean of the strokes over them, bytes of a [`Painted`] in
+/// the order of a `.sgs`, or in its own colors if there are none.
 #[wasm_bindgen]
 pub fn work_save(painted: &[u8]) -> Result<Vec<u8>, JsError> {
     let written = HELD.with_borrow(|held| saved(&held.scene, painted));
@@ -119,7 +126,7 @@ pub fn work_save(painted: &[u8]) -> Result<Vec<u8>, JsError> {
 fn saved(scene: &Scene, painted: &[u8]) -> Result<Vec<u8>, String> {
     let mut saved = scene.clone();
     if !painted.is_empty() {
-        let painted = painted::from_bytes(painted)?;
+        let painted = Painted::from_bytes(painted).map_err(|error| error.to_string())?;
         if painted.colors.len() != scene.len() {
             return Err(format!("found {} colors, expected {}", painted.colors.len(), scene.len()));
         }
@@ -156,7 +163,7 @@ fn decoded(scene: &Scene, styles: &[(&[u8], f32)], content: f32) -> Result<Scene
 }
 
 fn hold(scene: Scene) {
-    HELD.with_borrow_mut(|held| (held.scene, held.surface) = (scene, None));
+    HELD.with_borrow_mut(|held| held.scene = scene);
 }
 
 /// Tells the page what is being done, and the share of it that is done, 0..1.
@@ -203,18 +210,6 @@ impl Held {
         style_to_bytes(name, &statistics).map_err(|error| error.to_string())
     }
 
-    /// The scene in the colors and strokes of an image.
-    fn paint(&mut self, name: &str, bytes: &[u8]) -> Result<Painted, String> {
-        let canvas = Canvas::new(&paint_of(&painting(name, bytes)?));
-        // The page ends the worker to stop it.
-        let work = Work::default();
-        if self.surface.is_none() {
-            self.surface = Some(Surface::new(&self.scene, &work).map_err(|error| error.to_string())?);
-        }
-        let surface = self.surface.as_ref().ok_or_else(String::new)?;
-        Recipe::painting(&canvas, surface).restyle(&self.scene, &work).map_err(|error| error.to_string())
-    }
-
     fn embed(&mut self) -> Result<Vec<u8>, String> {
         let Some(encoder) = &self.encoder else { return Err(String::new()) };
         if self.scene.sh.is_none() {
@@ -233,7 +228,7 @@ impl Held {
             .map_err(|error| error.to_string())?;
         scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, Decoder::K));
         let bytes = scene_to_bytes(SCENE, &scene).map_err(|error| error.to_string())?;
-        (self.scene, self.surface) = (scene, None);
+        self.scene = scene;
         Ok(bytes)
     }
 }
@@ -252,6 +247,8 @@ fn tell_embedding(now: Progress) {
 
 #[cfg(test)]
 mod tests {
+    use bevy_stylegaussian::stylegaussian::paint::{Canvas, Surface};
+
     use super::*;
 
     /// A part of the demo scene, and an image.
@@ -262,20 +259,29 @@ mod tests {
     }
 
     #[test]
-    fn paint_is_laid_on_without_features_and_saved() {
+    fn the_pixels_of_a_painting_are_its_paint() {
+        let (_, png) = given();
+        let image = Image::painting_from_bytes(png, "halftone.png".as_ref()).unwrap();
+        let mut paint = paint_of(&image);
+        let read = pixels(&paint);
+        assert_eq!(read[..8], [paint.width as u32, paint.height as u32].map(u32::to_le_bytes).concat());
+        let rgba = |i: usize| &read[8 + 4 * i..][..4];
+        assert_eq!((&rgba(7)[..3], rgba(7)[3]), (&paint.pixels[21..24], 255));
+        assert_eq!(read.len(), 8 + 4 * paint.width * paint.height);
+        paint.used = Some((0..paint.width * paint.height).map(|i| i != 7).collect());
+        let read = pixels(&paint);
+        assert_eq!([read[8 + 4 * 6 + 3], read[8 + 4 * 7 + 3]], [255, 0]);
+    }
+
+    #[test]
+    fn a_scene_is_saved_with_the_mean_of_its_strokes() {
         let (mut held, png) = given();
         held.scene.features = None;
-        let painted = held.paint("halftone.png", png).unwrap();
-        assert!(held.encoder.is_none(), "nobody needs an encoder");
         let image = Image::painting_from_bytes(png, "halftone.png".as_ref()).unwrap();
         let canvas = Canvas::new(&paint_of(&image));
         let work = Work::default();
         let surface = Surface::new(&held.scene, &work).unwrap();
-        let expected = Recipe::painting(&canvas, &surface).restyle(&held.scene, &work).unwrap();
-        let bytes = painted::to_bytes(&painted);
-        let read_back = painted::from_bytes(&bytes).unwrap();
-        assert_eq!((&read_back.colors, &read_back.strokes), (&expected.colors, &expected.strokes));
-        assert_eq!(read_back.strokes.textures.len(), 1);
+        let painted = Recipe::painting(&canvas, &surface).restyle(&held.scene, &work).unwrap();
         // In the file's order, which is the scene's.
         let of_glb = |painted: &[u8]| {
             let glb = saved(&held.scene, painted).unwrap();
@@ -284,17 +290,16 @@ mod tests {
                 Reading::Needs(names) => panic!("{names:?}"),
             }
         };
-        let with_strokes = of_glb(&bytes);
-        let flat = expected.flattened(&held.scene);
+        let with_strokes = of_glb(&painted.to_bytes());
+        let flat = painted.flattened(&held.scene);
         assert_eq!(with_strokes.len(), flat.len());
         let near = |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
         assert!(with_strokes.iter().zip(&flat).all(near));
-        let bare = painted::to_bytes(&Painted { colors: expected.colors, ..Painted::default() });
-        assert_ne!(of_glb(&bare), with_strokes);
+        let bare = Painted { colors: painted.colors, ..Painted::default() };
+        assert_ne!(of_glb(&bare.to_bytes()), with_strokes);
         assert_ne!(of_glb(&[]), with_strokes);
-        let of_others = painted::to_bytes(&painted::tests::painted());
-        assert!(saved(&held.scene, &of_others).unwrap_err().contains("found 3 colors"));
-        assert!(held.paint("halftone.png", &png[..100]).unwrap_err().starts_with("halftone.png"));
+        let of_others = Painted { colors: vec![[0.5; 3]; 3], ..Painted::default() };
+        assert!(saved(&held.scene, &of_others.to_bytes()).unwrap_err().contains("found 3 colors"));
     }
 
     #[test]

@@ -45,8 +45,8 @@ enum App {
     Example(String),
 }
 
-/// Builds `web/dist`. With `--test`, tests it in Chromium beside the native program; with `--serve`, serves it
-/// until the program is ended.
+/// Builds `web/dist`. With `--test`, tests it in Chromium, the page beside the native program; with `--serve`,
+/// serves it until the program is ended.
 ///
 /// # Errors
 /// If an argument is unknown, if a tool is missing or fails, or if a test fails.
@@ -63,11 +63,10 @@ pub fn run(arguments: &[String]) -> Result<()> {
             _ => bail!("found `{argument}`, expected --test, --serve or --example NAME"),
         }
     }
-    ensure!(!(is_tested && matches!(app, App::Example(_))), "--test is for the page, not for an example");
     let mut steps = Steps::default();
     let mut outcome = build(&mut steps, &app);
     if outcome.is_ok() && is_tested {
-        outcome = test_built(&mut steps);
+        outcome = test_built(&mut steps, &app);
     }
     steps.print_summary();
     outcome?;
@@ -178,10 +177,14 @@ fn check(steps: &mut Steps) -> Result<()> {
     steps.run("web", check.args(["--locked", "--profile", "web", "--package", PAGE_PACKAGE]))
 }
 
-/// Tests the page that was built, beside the pictures and colors of the native program.
-fn test_built(steps: &mut Steps) -> Result<()> {
+/// Tests the page that was built, beside the pictures and colors of the native program, or an example, whose
+/// first style is painted.
+fn test_built(steps: &mut Steps, app: &App) -> Result<()> {
     if let Some(missing) = missing_for_tests() {
-        bail!("the page cannot be tested: {missing}");
+        bail!("what was built cannot be tested: {missing}");
+    }
+    if let App::Example(_) = app {
+        return steps.run("example", Command::new("node").args(["--test", "web/test/game.mjs"]));
     }
     let native = ["build", "--locked", "--workspace", "--bin", "stylegaussian"];
     steps.run("native program", &mut cargo(native))?;

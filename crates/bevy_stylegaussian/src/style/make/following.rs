@@ -43,6 +43,25 @@ impl Plugin for FollowingPlugin {
                 .after(advance_jobs)
                 .before(prepare_surfaces),
         );
+        #[cfg(target_family = "wasm")]
+        app.add_systems(PostUpdate, lay_on_here.before(StyleGaussianSystems::Styles));
+    }
+}
+
+/// Has styles that begin to follow their images laid on anew on the page's thread: strokes that the browser's
+/// worker has laid on do not know their canvases.
+#[cfg(target_family = "wasm")]
+fn lay_on_here(
+    mut begun: Query<(&StyleSource, &mut StyleJobs), Added<StyleLiving>>,
+    mut canvases: ResMut<ImageCanvases>,
+) {
+    for (source, mut jobs) in &mut begun {
+        for style in &source.styles {
+            if let StyleInput::Image(image) = &style.input {
+                canvases.forget(image.id());
+            }
+        }
+        jobs.of_scene.iter_mut().for_each(|job| job.want());
     }
 }
 

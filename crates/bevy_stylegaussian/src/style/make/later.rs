@@ -4,12 +4,9 @@
 use std::sync::{Arc, LazyLock};
 
 use bevy::{asset::LoadState, prelude::*};
-use stylegaussian::{
-    ChannelStatistics,
-    paint::{Canvas, Paint},
-};
+use stylegaussian::{ChannelStatistics, paint::Paint};
 
-use crate::style::wish::error::StyleError;
+use crate::style::{make::worker::Painting, wish::error::StyleError};
 
 /// An input, or `Ok(None)` while it is being loaded or computed.
 pub(crate) type Input<T> = Result<Option<T>, Arc<StyleError>>;
@@ -18,7 +15,7 @@ pub(crate) type Input<T> = Result<Option<T>, Arc<StyleError>>;
 pub(crate) type Later<T> = Arc<LazyLock<T, Box<dyn FnOnce() -> T + Send>>>;
 
 /// The canvas of a painting. All entities that use the painting share an error.
-pub(crate) type Stretched = Result<Arc<Canvas>, Arc<StyleError>>;
+pub(crate) type Stretched = Result<Arc<Painting>, Arc<StyleError>>;
 
 /// The statistics of a painting. All entities that use the painting share an error.
 pub(crate) type Encoded = Result<Arc<ChannelStatistics>, Arc<StyleError>>;
@@ -68,7 +65,7 @@ impl Crop {
 /// The canvas of a painting that may be used.
 pub(crate) fn stretched(name: String, paint: &Paint) -> Stretched {
     match paint.is_usable() {
-        true => Ok(Arc::new(Canvas::new(paint))),
+        true => Ok(Arc::new(Painting::new(paint))),
         false => Err(Arc::new(StyleError::Transparent { image: name })),
     }
 }

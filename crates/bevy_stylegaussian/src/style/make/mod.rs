@@ -25,3 +25,8 @@ pub(crate) mod request;
 pub(crate) mod shared;
 pub(crate) mod surfaces;
 pub(crate) mod want;
+#[cfg(target_family = "wasm")]
+pub(crate) mod worker;
+#[cfg(not(target_family = "wasm"))]
+#[path = "no_worker.rs"]
+pub(crate) mod worker;

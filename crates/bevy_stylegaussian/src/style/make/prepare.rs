@@ -4,7 +4,10 @@ use bevy::prelude::*;
 
 use crate::{
     scene::LoadedScene,
-    style::{make::surfaces::Surfaces, wish::settings::StyleMethod},
+    style::{
+        make::{surfaces::Surfaces, worker},
+        wish::settings::StyleMethod,
+    },
     work::Workers,
 };
 
@@ -13,7 +16,7 @@ use crate::{
 ///
 /// It takes a second or a few of the threads of [`StyleThreads`](crate::StyleThreads) and some memory, for
 /// nothing if a scene only ever shows looks. It does nothing if [`StyleMethod`] is not `Paint`, and in a
-/// browser, which has no threads.
+/// browser that gives no worker.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StylePrepare;
@@ -25,7 +28,8 @@ pub(crate) fn prepare_surfaces(
     mut surfaces: ResMut<Surfaces>,
     workers: Res<Workers>,
 ) {
-    if *method == StyleMethod::Paint && !cfg!(target_family = "wasm") {
+    // Without a scene, no worker is started for it.
+    if *method == StyleMethod::Paint && !loaded.is_empty() && worker::is_beside_frames() {
         for loaded in &loaded {
             // A style that is painted on it says if it cannot be computed.
             let _ = surfaces.get(loaded, &workers);

@@ -1,12 +1,15 @@
 //! The computation of a style: from canvases, statistics and looks to colors and strokes, or to the weights
 //! that the GPU needs for them.
 
+#[cfg(target_family = "wasm")]
+mod apart;
+
 use std::{ops::Deref, sync::Arc};
 
 use stylegaussian::{
     Decoder, Look, Scene,
     fold::StylizeError,
-    paint::{Canvas, Direction, Hand, Painted, Pin, Surface, Tints, pin},
+    paint::{Canvas, Direction, Hand, Painted, Pin, Tints, pin},
     restyle::{self, Recipe, RestyleError},
     strokes::Strokes,
     work::{Canceled, Work},
@@ -19,6 +22,7 @@ use crate::{
         make::{
             later::{Encoded, Later, Stretched},
             packed::PackedInputs,
+            worker::{Ground, Painting},
         },
         wish::{
             applied::{AppliedColors, AppliedStyle},
@@ -49,7 +53,7 @@ pub(crate) struct StyleRequest {
 #[derive(PartialEq)]
 pub(crate) enum Styles {
     /// To paint the scene with, on its surface.
-    Painted { canvases: Vec<(Same<LaterCanvas>, f64)>, surface: Same<Surface>, decided: Decided },
+    Painted { canvases: Vec<(Same<LaterCanvas>, f64)>, surface: Same<Ground>, decided: Decided },
     /// To be decoded.
     Decoded { styles: Vec<(Same<LaterStatistics>, f64)>, decoder: Same<Decoder> },
     /// None: there are looks alone.
@@ -209,6 +213,10 @@ impl StyleRequest {
         packed: &PackedInputs,
         work: &Work,
     ) -> Result<StyleResult, Failure> {
+        #[cfg(target_family = "wasm")]
+        if let Some(result) = self.lay_apart(like, work).await? {
+            return Ok(result);
+        }
         if let Some(StyleResult { style, unpinned, .. }) = like
             && let AppliedColors::Known { colors, .. } = &style.colors
         {
@@ -232,7 +240,7 @@ impl StyleRequest {
                 let canvases = made(canvases)?;
                 let tints = decided.tints.as_ref().map(GivenTints::made).transpose()?;
                 work.check()?;
-                let paintings = canvases.iter().map(|(canvas, weight)| (&**canvas, *weight)).collect();
+                let paintings = as_parts(&canvases);
                 let hand = Hand {
                     is_collection: decided.is_collection,
                     tints: tints.as_ref(),
@@ -268,18 +276,28 @@ impl StyleRequest {
         let mut strokes = unpinned.clone();
         if let (Styles::Painted { canvases, surface, decided }, true) = (&self.styles, self.only_moves()) {
             let canvases = made(canvases)?;
-            let paintings: Vec<_> = canvases.iter().map(|(canvas, weight)| (&**canvas, *weight)).collect();
+            let paintings = as_parts(&canvases);
             if let Some(strokes) = strokes.as_mut().filter(|_| !decided.pins.is_empty()) {
                 let hand = Hand { direction: decided.direction(), pins: &decided.pins, ..Hand::default() };
                 pin(Arc::make_mut(strokes), &surface.0, &paintings, &hand)
                     .map_err(|error| Failure::Failed(Arc::new(StyleError::Source(error.to_string()))))?;
             }
         }
+        Ok(self.result(colors, strokes, unpinned))
+    }
+
+    /// The result of these colors and strokes.
+    fn result(
+        &self,
+        colors: Arc<[[f32; 3]]>,
+        strokes: Option<Arc<Strokes>>,
+        unpinned: Option<Arc<Strokes>>,
+    ) -> StyleResult {
         let shown = StyleColors::known(Arc::clone(&colors), strokes.clone());
         // Kept with the style, so that saving it later costs nothing.
         let colors = AppliedColors::Known { colors, strokes };
         let style = AppliedStyle { scene: Arc::clone(&self.scene.0), colors };
-        Ok(StyleResult { colors: shown, style, unpinned })
+        StyleResult { colors: shown, style, unpinned }
     }
 
     /// Whether pinned places move strokes and change nothing else. In a collection, they choose paintings, and
@@ -315,7 +333,7 @@ impl StyleRequest {
         &self,
         colors: Vec<[f32; 3]>,
         under: &Arc<Strokes>,
-        canvases: &[(Arc<Canvas>, f64)],
+        canvases: &[(Arc<Painting>, f64)],
     ) -> StyleResult {
         let colors: Arc<[_]> = colors.into();
         let shown = StyleColors::known(Arc::clone(&colors), Some(Arc::clone(under)));
@@ -353,6 +371,15 @@ impl StyleRequest {
         let folded = StyleColors::new(folded, scene.len());
         Ok(StyleResult { style: AppliedStyle { scene, colors }, colors: folded, unpinned: None })
     }
+}
+
+/// Paintings and their weights, as a recipe takes them.
+fn as_parts(paintings: &[(Arc<Painting>, f64)]) -> Vec<(&Canvas, f64)> {
+    let mut parts: Vec<(&Canvas, f64)> = Vec::new();
+    for (painting, weight) in paintings {
+        parts.push((painting, *weight));
+    }
+    parts
 }
 
 /// Values that are made later, made now, with their weights.

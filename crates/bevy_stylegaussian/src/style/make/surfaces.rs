@@ -3,12 +3,18 @@
 use std::sync::Arc;
 
 use bevy::{prelude::*, window::RequestRedraw};
-use stylegaussian::{paint::Surface, work::Canceled};
+use stylegaussian::work::Canceled;
 
 use crate::{
     scene::{LoadedScene, PerScene},
-    style::{make::later::Input, wish::error::StyleError},
-    work::{Lane, Running, Workers},
+    style::{
+        make::{
+            later::Input,
+            worker::{self, Ground},
+        },
+        wish::error::StyleError,
+    },
+    work::{Running, Workers},
 };
 
 /// The surfaces of the scenes that are painted, as long as the scenes are shown.
@@ -17,7 +23,7 @@ pub(crate) struct Surfaces(pub(crate) PerScene<Wanted>);
 
 /// The surface of a scene.
 pub(crate) struct Wanted {
-    pub(crate) surface: Running<Arc<Surface>>,
+    pub(crate) surface: Running<Arc<Ground>>,
     /// Whether somebody asked for it in this frame.
     is_wanted: bool,
     /// Whether somebody did, and it was not there.
@@ -27,10 +33,9 @@ pub(crate) struct Wanted {
 impl Surfaces {
     /// The surface of a scene, or `Ok(None)` until it is there. The first call begins. Whoever waits asks in
     /// each frame: a surface that nobody asks for is computed no further.
-    pub(crate) fn get(&mut self, loaded: &LoadedScene, workers: &Workers) -> Input<Arc<Surface>> {
+    pub(crate) fn get(&mut self, loaded: &LoadedScene, workers: &Workers) -> Input<Arc<Ground>> {
         let begin = || {
-            let scene = Arc::clone(loaded.scene());
-            let surface = workers.start(Lane::Styles, move |work| Ok(Arc::new(Surface::new(&scene, work)?)));
+            let surface = worker::ground(loaded.scene(), workers);
             Wanted { surface, is_wanted: true, is_awaited: true }
         };
         let wanted = self.0.get_or_insert_with(loaded, begin);

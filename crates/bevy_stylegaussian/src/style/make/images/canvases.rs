@@ -4,10 +4,7 @@
 use std::sync::{Arc, OnceLock};
 
 use bevy::{platform::collections::HashMap, prelude::*, render::render_resource::TextureFormat};
-use stylegaussian::{
-    paint::{Canvas, Paint},
-    recolor::ColorMoments,
-};
+use stylegaussian::{paint::Paint, recolor::ColorMoments};
 use stylegaussian_encoder::paint_of;
 
 use super::pixels::{cropped, decoded, over_white, pixels};
@@ -15,6 +12,7 @@ use crate::style::{
     make::{
         first::{palette_of, palette_of_paint},
         later::{Crop, Later, Stretched, image_name, later, stretched},
+        worker::{self, Painting},
     },
     wish::error::StyleError,
 };
@@ -84,12 +82,12 @@ impl ImageCanvases {
     }
 
     /// The canvas of a whole image, if strokes may follow it: all of it is used, as the GPU reads all of it.
-    pub(crate) fn followed(&self, id: AssetId<Image>) -> Option<&Arc<Canvas>> {
+    pub(crate) fn followed(&self, id: AssetId<Image>) -> Option<&Arc<Painting>> {
         self.made(id)?.as_ref().ok().filter(|canvas| canvas.is_whole())
     }
 
     /// Forgets the canvases of an image and of its parts.
-    pub(super) fn forget(&mut self, id: AssetId<Image>) {
+    pub(crate) fn forget(&mut self, id: AssetId<Image>) {
         self.0.retain(|(image, _), _| *image != id);
     }
 
@@ -101,7 +99,7 @@ impl ImageCanvases {
     /// Sets the pixels of an image that are on the GPU alone.
     pub(super) fn insert(&mut self, id: AssetId<Image>, paint: Arc<Paint>) {
         let palette = palette_of_paint(&paint);
-        let canvas = ImageCanvas::new(Some(palette), move |_| Ok(Arc::new(Canvas::new(&paint))));
+        let canvas = ImageCanvas::new(Some(palette), move |_| Ok(Arc::new(worker::followed(&paint))));
         self.0.insert((id, None), canvas);
     }
 
@@ -122,6 +120,10 @@ fn of_image(
     let image = cropped(&name, decoded(name.clone(), image)?, crop)?;
     let paint = if is_living { over_white(image) } else { paint_of(&image) };
     palette.get_or_init(|| palette_of_paint(&paint));
+    // Strokes know what they follow by its canvas.
+    if is_living && paint.is_usable() {
+        return Ok(Arc::new(worker::followed(&paint)));
+    }
     stretched(name, &paint)
 }
 

@@ -10,7 +10,7 @@ use bevy::{
     prelude::*,
     render::{render_resource::TextureUsages, renderer::RenderAdapterInfo},
 };
-use stylegaussian::paint::{Canvas, Paint};
+use stylegaussian::paint::Paint;
 
 use super::{
     canvases::ImageCanvases,
@@ -20,7 +20,10 @@ use crate::{
     colors::{LivingReport, check_image},
     reports::Reports,
     style::{
-        make::later::{Later, Stretched, image_name, later},
+        make::{
+            later::{Later, Stretched, image_name, later},
+            worker::Painting,
+        },
         wish::{
             error::StyleError,
             living::StyleLiving,
@@ -107,7 +110,7 @@ impl LivingImages {
         &mut self,
         handle: &Handle<Image>,
         image: &Image,
-        canvas: &Arc<Canvas>,
+        canvas: &Arc<Painting>,
         now: Duration,
     ) {
         let Some(living) = self.images.get_mut(&handle.id()) else { return };

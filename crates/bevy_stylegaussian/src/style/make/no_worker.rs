@@ -1,0 +1,27 @@
+//! Takes the place of the browser's worker in a program, whose own threads compute.
+
+use std::sync::Arc;
+
+/// A painting that is prepared.
+pub(crate) use stylegaussian::paint::Canvas as Painting;
+/// A scene that is prepared to be painted.
+pub(crate) use stylegaussian::paint::Surface as Ground;
+use stylegaussian::{Scene, paint::Paint};
+
+use crate::work::{Lane, Running, Workers};
+
+/// Begins to prepare a scene.
+pub(crate) fn ground(scene: &Arc<Scene>, workers: &Workers) -> Running<Arc<Ground>> {
+    let scene = Arc::clone(scene);
+    workers.start(Lane::Styles, move |work| Ok(Arc::new(Ground::new(&scene, work)?)))
+}
+
+/// A painting that strokes follow.
+pub(crate) fn followed(paint: &Paint) -> Painting {
+    Painting::new(paint)
+}
+
+/// Whether scenes are prepared beside frames, and not between them.
+pub(crate) fn is_beside_frames() -> bool {
+    true
+}

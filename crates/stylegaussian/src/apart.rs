@@ -1,0 +1,569 @@
+//! Paint that is laid on apart: by another instance of this program, which shares no memory with this one, as a
+//! worker of a browser.
+//!
+//! [`Call`]s go there as bytes, [`Apart::answer`] answers them there, and bytes come back. Both run the same
+//! program, so numbers are as they lie in memory, and nothing is rounded. What is used again, surfaces and
+//! canvases, stays there under a number.
+
+mod bytes;
+
+use std::collections::HashMap;
+
+use glam::{Affine3A, DVec3, UVec2, Vec2, Vec3};
+
+use crate::{
+    camera::Camera,
+    frame::Frame,
+    neighbors::Neighbors,
+    paint::{Canvas, Direction, Hand, Paint, Pin, Surface, Tints, TintsError, pin},
+    restyle::{Recipe, RestyleError, Styles},
+    scene::{Scene, ScreenFilter, Sh},
+    strokes::{StrokeSeed, Strokes},
+    work::{Canceled, Work},
+};
+pub use bytes::Pieces;
+use bytes::{Reader, own, piece};
+
+/// What is asked for.
+pub enum Call<'a> {
+    /// A scene's surface, under a number.
+    Surface(u32, &'a Scene),
+    /// A painting's canvas, under a number.
+    Canvas(u32, &'a Paint),
+    /// Paint on a scene. The answer is a [`Painted`](crate::paint::Painted) as bytes.
+    Lay(Laying<'a>),
+    /// Strokes that were laid on by the same call without pins, with its pins: their seeds for those that are
+    /// given.
+    Pin(Laying<'a>, &'a [StrokeSeed]),
+    /// No surface under this number any more.
+    ForgetSurface(u32),
+    /// No canvas under this number any more.
+    ForgetCanvas(u32),
+}
+
+/// Paint on a scene.
+#[derive(Clone, Copy)]
+pub struct Laying<'a> {
+    /// The number of the surface.
+    pub surface: u32,
+    /// Numbers and weights of the canvases.
+    pub paintings: &'a [(u32, f64)],
+    /// Choices beside them.
+    pub hand: Choices<'a>,
+    /// Share of the base colors that stays, 0..1.
+    pub content: f64,
+}
+
+/// Choices beside paintings: a [`Hand`] whose palette may be that of a canvas.
+#[derive(Clone, Copy)]
+pub struct Choices<'a> {
+    /// As in [`Hand`].
+    pub is_collection: bool,
+    /// Colors in the paintings' stead.
+    pub tints: Option<TintsOf<'a>>,
+    /// As in [`Hand`].
+    pub palette: f32,
+    /// As in [`Hand`].
+    pub direction: Option<Direction<'a>>,
+    /// As in [`Hand`].
+    pub pins: &'a [Pin],
+}
+
+/// Whose colors.
+#[derive(Clone, Copy)]
+pub enum TintsOf<'a> {
+    /// Those of a canvas, by its number.
+    Canvas(u32),
+    /// These, display-referred.
+    Colors(&'a [[f32; 3]]),
+}
+
+/// A call or an answer cannot be read, or nothing can be laid on.
+#[derive(Debug, PartialEq, thiserror::Error)]
+pub enum ApartError {
+    /// There are too few bytes.
+    #[error("found a part of a call or an answer, expected all of it")]
+    Part,
+    /// There are too many.
+    #[error("found {0} bytes after a call or an answer, expected none")]
+    More(usize),
+    /// Something is named that is not there.
+    #[error("found the number of a {what} that is not there")]
+    Unknown {
+        /// What it would be.
+        what: &'static str,
+    },
+    /// The given colors are no palette.
+    #[error(transparent)]
+    Tints(#[from] TintsError),
+    /// The style cannot be had: the reason.
+    #[error("{0}")]
+    Style(String),
+    /// Nobody wants it any more.
+    #[error(transparent)]
+    Canceled(#[from] Canceled),
+}
+
+impl From<RestyleError> for ApartError {
+    fn from(error: RestyleError) -> Self {
+        Self::Style(error.to_string())
+    }
+}
+
+/// Kinds of calls, the first number of each.
+const SURFACE: u32 = 0;
+const CANVAS: u32 = 1;
+const LAY: u32 = 2;
+const PIN: u32 = 3;
+const FORGET_SURFACE: u32 = 4;
+const FORGET_CANVAS: u32 = 5;
+
+impl<'a> Call<'a> {
+    /// The call as bytes.
+    pub fn pieces(&self) -> Pieces<'a> {
+        match *self {
+            Self::Surface(number, scene) => {
+                let mut pieces = vec![own(&[SURFACE, number])];
+                pieces.extend(pieces_of(scene));
+                pieces
+            }
+            Self::Canvas(number, paint) => {
+                let Paint { width, height, pixels, used } = paint;
+                let header = [CANVAS, number, *width as u32, *height as u32, u32::from(used.is_some())];
+                let used = used.iter().flatten().map(|used| u8::from(*used)).collect::<Vec<_>>();
+                vec![own(&header), piece(pixels), own(&used)]
+            }
+            Self::Lay(of) => of.pieces(LAY),
+            Self::Pin(of, seeds) => {
+                let mut pieces = of.pieces(PIN);
+                pieces.extend([own(&[seeds.len() as u32]), piece(seeds)]);
+                pieces
+            }
+            Self::ForgetSurface(number) => vec![own(&[FORGET_SURFACE, number])],
+            Self::ForgetCanvas(number) => vec![own(&[FORGET_CANVAS, number])],
+        }
+    }
+}
+
+impl<'a> Laying<'a> {
+    fn pieces(&self, kind: u32) -> Pieces<'a> {
+        let Choices { is_collection, tints, palette, direction, pins } = self.hand;
+        let (numbers, weights): (Vec<u32>, Vec<f64>) = self.paintings.iter().copied().unzip();
+        let (tints, colors) = match tints {
+            None => ([0, 0], &[][..]),
+            Some(TintsOf::Canvas(number)) => ([1, number], &[][..]),
+            Some(TintsOf::Colors(colors)) => ([2, 0], colors),
+        };
+        let places: Vec<[f32; 5]> =
+            pins.iter().map(|Pin { at, place, .. }| [at.x, at.y, at.z, place.x, place.y]).collect();
+        let of_pins: Vec<u32> = pins.iter().map(|pin| pin.painting as u32).collect();
+        let (direction, points) = match direction {
+            None => (0, Vec::new()),
+            Some(Direction::Along(vector)) => (1, vec![vector]),
+            Some(Direction::Curve(points)) => (2, points.to_vec()),
+        };
+        vec![
+            own(&[kind, self.surface, u32::from(is_collection), direction]),
+            own(&[points.len() as u32]),
+            own(&points),
+            own(&[palette]),
+            own(&[self.content]),
+            own(&[numbers.len() as u32]),
+            own(&numbers),
+            own(&weights),
+            own(&tints),
+            own(&[colors.len() as u32]),
+            piece(colors),
+            own(&[pins.len() as u32]),
+            own(&places),
+            own(&of_pins),
+        ]
+    }
+}
+
+/// All that a surface is found from.
+fn pieces_of(scene: &Scene) -> Pieces<'_> {
+    let n = scene.len();
+    // The color that does not depend on the direction.
+    let base: Option<Vec<f32>> = scene.sh.as_ref().map(|sh| {
+        let stride = 3 * (usize::from(sh.degree) + 1).pow(2);
+        sh.coefficients.chunks_exact(stride).flat_map(|of| of[..3].iter().copied()).collect()
+    });
+    let neighbors = scene.neighbors.as_ref();
+    let header = [
+        n,
+        usize::from(base.is_some()),
+        neighbors.map_or(0, |neighbors| neighbors.k),
+        scene.cameras.len(),
+        usize::from(scene.up.is_some()),
+        usize::from(scene.frame.is_some()),
+        usize::from(scene.filter == ScreenFilter::Antialiased),
+    ];
+    let frame = scene.frame.map_or([0.0; 4], |frame| frame.center.extend(frame.radius).to_array());
+    let cameras: Vec<[f32; 17]> = scene.cameras.iter().map(numbers_of).collect();
+    let sizes: Vec<[u32; 2]> = scene.cameras.iter().map(|camera| camera.size.to_array()).collect();
+    vec![
+        own(&header.map(|n| n as u32)),
+        own(&[scene.n_source as u64]),
+        own(&scene.offset.to_array()),
+        own(&scene.up.unwrap_or_default().to_array()),
+        own(&frame),
+        piece(&scene.means),
+        piece(&scene.rotations),
+        piece(&scene.scales),
+        piece(&scene.opacities),
+        piece(&scene.order),
+        own(&base.unwrap_or_default()),
+        piece(neighbors.map_or(&[], |neighbors| &neighbors.indices)),
+        own(&cameras),
+        own(&sizes),
+    ]
+}
+
+/// A camera without its size.
+fn numbers_of(camera: &Camera) -> [f32; 17] {
+    let mut numbers = [0.0; 17];
+    numbers[..12].copy_from_slice(&camera.view_from_world.to_cols_array());
+    numbers[12..14].copy_from_slice(&camera.focal.to_array());
+    numbers[14..16].copy_from_slice(&camera.center.to_array());
+    numbers[16] = camera.near;
+    numbers
+}
+
+/// What answers calls, with all that it keeps.
+#[derive(Default)]
+pub struct Apart {
+    surfaces: HashMap<u32, (Scene, Surface)>,
+    canvases: HashMap<u32, Canvas>,
+}
+
+impl Apart {
+    /// Answers a call.
+    ///
+    /// # Errors
+    /// If the bytes are no call, if it names what was not given or is forgotten, or if the style cannot be had.
+    pub fn answer(&mut self, call: &[u8], work: &Work) -> Result<Vec<u8>, ApartError> {
+        let mut reader = Reader(call);
+        let [kind, number] = reader.some()?;
+        match kind {
+            SURFACE => {
+                let scene = scene(reader)?;
+                let surface = Surface::new(&scene, work)?;
+                self.surfaces.insert(number, (scene, surface));
+            }
+            CANVAS => {
+                self.canvases.insert(number, Canvas::new(&paint(reader)?));
+            }
+            LAY => return self.lay(number, reader, work),
+            PIN => return self.pin(number, reader),
+            FORGET_SURFACE => {
+                self.surfaces.remove(&number);
+            }
+            FORGET_CANVAS => {
+                self.canvases.remove(&number);
+            }
+            _ => return Err(ApartError::Unknown { what: "call" }),
+        }
+        Ok(Vec::new())
+    }
+
+    fn lay(&self, surface: u32, mut reader: Reader, work: &Work) -> Result<Vec<u8>, ApartError> {
+        let (scene, surface) = self.surface(surface)?;
+        let laid = Laid::read(&mut reader)?;
+        reader.end()?;
+        let tints = laid.tints(self)?;
+        let styles = Styles::Painted {
+            paintings: laid.paintings(self)?,
+            surface,
+            hand: Hand { tints: tints.as_ref(), ..laid.hand() },
+        };
+        let recipe = Recipe { looks: Vec::new(), styles, content: laid.content };
+        Ok(recipe.restyle(scene, work)?.to_bytes())
+    }
+
+    fn pin(&self, surface: u32, mut reader: Reader) -> Result<Vec<u8>, ApartError> {
+        let (_, surface) = self.surface(surface)?;
+        let laid = Laid::read(&mut reader)?;
+        let mut strokes = Strokes { seeds: reader.list()?, ..Strokes::default() };
+        reader.end()?;
+        pin(&mut strokes, surface, &laid.paintings(self)?, &laid.hand())
+            .map_err(|error| ApartError::Style(error.to_string()))?;
+        Ok(piece(&strokes.seeds).into_owned())
+    }
+
+    fn surface(&self, number: u32) -> Result<&(Scene, Surface), ApartError> {
+        self.surfaces.get(&number).ok_or(ApartError::Unknown { what: "surface" })
+    }
+
+    fn canvas(&self, number: u32) -> Result<&Canvas, ApartError> {
+        self.canvases.get(&number).ok_or(ApartError::Unknown { what: "canvas" })
+    }
+}
+
+/// The seeds of an answer to [`Call::Pin`].
+///
+/// # Errors
+/// If there are not as many as were given.
+pub fn pinned_seeds(answer: &[u8], n: usize) -> Result<Vec<StrokeSeed>, ApartError> {
+    let mut reader = Reader(answer);
+    let seeds = reader.values(n)?;
+    reader.end()?;
+    Ok(seeds)
+}
+
+/// A [`Laying`] that was read.
+struct Laid {
+    is_collection: bool,
+    /// Whether strokes follow a vector (1), a curve (2) or nothing (0), and its points.
+    direction: (u32, Vec<Vec3>),
+    palette: f32,
+    content: f64,
+    numbers: Vec<u32>,
+    weights: Vec<f64>,
+    tints: [u32; 2],
+    colors: Vec<[f32; 3]>,
+    pins: Vec<Pin>,
+}
+
+impl Laid {
+    /// Reads what follows the surface.
+    fn read(reader: &mut Reader) -> Result<Self, ApartError> {
+        let [is_collection, direction] = reader.some()?;
+        let (is_collection, direction) = (is_collection != 0, (direction, reader.list()?));
+        let (palette, content) = (reader.one()?, reader.one()?);
+        let numbers: Vec<u32> = reader.list()?;
+        let weights = reader.values(numbers.len())?;
+        let (tints, colors) = (reader.some()?, reader.list()?);
+        let places: Vec<[f32; 5]> = reader.list()?;
+        let of_pins: Vec<u32> = reader.values(places.len())?;
+        let pin = |([x, y, z, u, v], painting): ([f32; 5], u32)| Pin {
+            at: Vec3::new(x, y, z),
+            place: Vec2::new(u, v),
+            painting: painting as usize,
+        };
+        let pins = places.into_iter().zip(of_pins).map(pin).collect();
+        Ok(Self { is_collection, direction, palette, content, numbers, weights, tints, colors, pins })
+    }
+
+    fn paintings<'a>(&self, apart: &'a Apart) -> Result<Vec<(&'a Canvas, f64)>, ApartError> {
+        let painting = |(number, weight): (&u32, &f64)| Ok((apart.canvas(*number)?, *weight));
+        self.numbers.iter().zip(&self.weights).map(painting).collect()
+    }
+
+    fn tints(&self, apart: &Apart) -> Result<Option<Tints>, ApartError> {
+        Ok(match self.tints {
+            [0, _] => None,
+            [1, number] => Some(apart.canvas(number)?.tints().clone()),
+            _ => Some(Tints::of_colors(&self.colors)?),
+        })
+    }
+
+    fn hand(&self) -> Hand<'_> {
+        Hand {
+            is_collection: self.is_collection,
+            tints: None,
+            palette: self.palette,
+            direction: match &self.direction {
+                (1, points) => points.first().copied().map(Direction::Along),
+                (2, points) => Some(Direction::Curve(points)),
+                _ => None,
+            },
+            pins: &self.pins,
+        }
+    }
+}
+
+fn scene(mut reader: Reader) -> Result<Scene, ApartError> {
+    let header = reader.some::<u32, 7>()?.map(|n| n as usize);
+    let [n, has_colors, k, n_cameras, has_up, has_frame, is_antialiased] = header;
+    let n_source = reader.one::<u64>()? as usize;
+    let offset: DVec3 = reader.one()?;
+    let up: Vec3 = reader.one()?;
+    let [x, y, z, radius] = reader.some()?;
+    let (means, rotations, scales) = (reader.values(n)?, reader.values(n)?, reader.values(n)?);
+    let (opacities, order) = (reader.values(n)?, reader.values(n)?);
+    let coefficients: Vec<[f32; 3]> = reader.values(if has_colors != 0 { n } else { 0 })?;
+    let indices: Vec<u32> = reader.values(n.checked_mul(k).ok_or(ApartError::Part)?)?;
+    if indices.iter().any(|i| *i as usize >= n) {
+        return Err(ApartError::Unknown { what: "neighbor" });
+    }
+    let numbers: Vec<[f32; 17]> = reader.values(n_cameras)?;
+    let sizes: Vec<UVec2> = reader.values(n_cameras)?;
+    reader.end()?;
+    let camera = |(of, size): (&[f32; 17], UVec2)| Camera {
+        view_from_world: Affine3A::from_cols_slice(&of[..12]),
+        focal: Vec2::new(of[12], of[13]),
+        center: Vec2::new(of[14], of[15]),
+        near: of[16],
+        size,
+    };
+    Ok(Scene {
+        means,
+        offset,
+        rotations,
+        scales,
+        opacities,
+        order,
+        n_source,
+        sh: (has_colors != 0).then(|| Sh { degree: 0, coefficients: coefficients.into_flattened() }),
+        neighbors: (k > 0).then_some(Neighbors { k, indices }),
+        up: (has_up != 0).then_some(up),
+        cameras: numbers.iter().zip(sizes).map(camera).collect(),
+        frame: (has_frame != 0).then_some(Frame { center: Vec3::new(x, y, z), radius }),
+        filter: if is_antialiased != 0 { ScreenFilter::Antialiased } else { ScreenFilter::Classic },
+        ..Scene::default()
+    })
+}
+
+fn paint(mut reader: Reader) -> Result<Paint, ApartError> {
+    let [width, height, has_used] = reader.some::<u32, 3>()?.map(|n| n as usize);
+    let n = width.checked_mul(height).ok_or(ApartError::Part)?;
+    let pixels = reader.values(n.checked_mul(3).ok_or(ApartError::Part)?)?;
+    let used: Vec<u8> = reader.values(if has_used != 0 { n } else { 0 })?;
+    reader.end()?;
+    let used = (has_used != 0).then(|| used.into_iter().map(|used| used != 0).collect());
+    Ok(Paint { width, height, pixels, used })
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Quat;
+
+    use super::*;
+    use crate::paint::Painted;
+
+    fn scene() -> Scene {
+        let n = 400;
+        let mut scene = Scene {
+            // In no order of any kind.
+            means: (0..n).map(|i| Vec3::new((i * 7 % 20) as f32, (i * 7 / 20 % 20) as f32, 0.0)).collect(),
+            rotations: vec![Quat::IDENTITY; n],
+            scales: vec![Vec3::new(0.5, 0.5, 0.01); n],
+            opacities: vec![0.9; n],
+            order: (0..n as u32).collect(),
+            n_source: n,
+            up: Some(Vec3::Y),
+            frame: Some(Frame { center: Vec3::new(10.0, 10.0, 0.0), radius: 12.0 }),
+            filter: ScreenFilter::Antialiased,
+            ..Scene::default()
+        };
+        let colors: Vec<[f32; 3]> = (0..n).map(|i| [0.001 * i as f32, 0.3, 0.6]).collect();
+        scene.set_colors(&colors);
+        scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, 8));
+        scene
+    }
+
+    fn paint(stripe: usize) -> Paint {
+        let pixel = |i: usize| if i % 48 / stripe % 2 == 0 { [220, 170, 40] } else { [20, 40, 130] };
+        let used = (0..48 * 40).map(|i| i % 48 > 2).collect();
+        Paint { width: 48, height: 40, pixels: (0..48 * 40).flat_map(pixel).collect(), used: Some(used) }
+    }
+
+    fn answer(apart: &mut Apart, call: &Call) -> Result<Vec<u8>, ApartError> {
+        apart.answer(&call.pieces().concat(), &Work::default())
+    }
+
+    #[test]
+    fn what_is_laid_on_apart_is_what_is_laid_on_here() {
+        let (scene, paints, work) = (scene(), [paint(4), paint(9)], Work::default());
+        let mut apart = Apart::default();
+        answer(&mut apart, &Call::Surface(7, &scene)).unwrap();
+        for (number, paint) in (1..).zip(&paints) {
+            answer(&mut apart, &Call::Canvas(number, paint)).unwrap();
+        }
+        let surface = Surface::new(&scene, &work).unwrap();
+        let canvases = paints.each_ref().map(Canvas::new);
+        let colors = [[0.9, 0.2, 0.1], [0.1, 0.2, 0.8]];
+        let pins = [Pin { at: Vec3::new(5.0, 5.0, 0.0), place: Vec2::new(0.5, 0.5), painting: 1 }];
+        let direction = Some(Direction::Along(Vec3::new(1.0, 1.0, 0.0)));
+        let curve = [Vec3::ZERO, Vec3::X, Vec3::new(2.0, 1.0, 0.0)];
+        let of_colors = Tints::of_colors(&colors).unwrap();
+        let plain =
+            Choices { is_collection: false, tints: None, palette: Hand::PALETTE, direction: None, pins: &[] };
+        let tinted = Choices { tints: Some(TintsOf::Canvas(2)), direction, ..plain };
+        let given = Choices {
+            tints: Some(TintsOf::Colors(&colors)),
+            palette: 0.3,
+            direction: Some(Direction::Curve(&curve)),
+            ..plain
+        };
+        let collected = Choices { is_collection: true, pins: &pins, ..plain };
+        let tints = [None, Some(canvases[1].tints()), Some(&of_colors), None];
+        let mut laid = Vec::new();
+        for (choices, tints) in [plain, tinted, given, collected].into_iter().zip(tints) {
+            let Choices { is_collection, palette, direction, pins, .. } = choices;
+            let hand = Hand { is_collection, tints, palette, direction, pins };
+            let paintings = canvases.iter().zip([1.0, 0.5]).collect();
+            let styles = Styles::Painted { paintings, surface: &surface, hand };
+            let recipe = Recipe { looks: Vec::new(), styles, content: 0.25 };
+            let here = recipe.restyle(&scene, &work).unwrap();
+            let paintings = &[(1, 1.0), (2, 0.5)];
+            let laying = Laying { surface: 7, paintings, hand: choices, content: 0.25 };
+            let bytes = answer(&mut apart, &Call::Lay(laying)).unwrap();
+            let there = Painted::from_bytes(&bytes).unwrap();
+            assert_eq!((&there.colors, &there.strokes), (&here.colors, &here.strokes));
+            laid.push((here, laying));
+        }
+        // Pins move strokes that are there.
+        let (mut here, mut laying) = laid.swap_remove(0);
+        laying.hand.pins = &pins;
+        let before = here.strokes.seeds.clone();
+        let paintings: Vec<_> = canvases.iter().zip([1.0, 0.5]).collect();
+        pin(&mut here.strokes, &surface, &paintings, &Hand { pins: &pins, ..Hand::default() }).unwrap();
+        let bytes = answer(&mut apart, &Call::Pin(laying, &before)).unwrap();
+        assert_eq!(pinned_seeds(&bytes, before.len()).unwrap(), here.strokes.seeds);
+        assert_ne!(here.strokes.seeds, before);
+        assert_eq!(pinned_seeds(&bytes, before.len() + 1), Err(ApartError::Part));
+        assert!(matches!(pinned_seeds(&bytes, before.len() - 1), Err(ApartError::More(_))));
+        // What cannot be had is told, and what is forgotten is not there.
+        laying.content = 2.0;
+        assert!(matches!(answer(&mut apart, &Call::Lay(laying)), Err(ApartError::Style(_))));
+        answer(&mut apart, &Call::ForgetCanvas(2)).unwrap();
+        let error = answer(&mut apart, &Call::Lay(laying)).unwrap_err();
+        assert_eq!(error, ApartError::Unknown { what: "canvas" });
+        answer(&mut apart, &Call::ForgetSurface(7)).unwrap();
+        let error = answer(&mut apart, &Call::Lay(laying)).unwrap_err();
+        assert_eq!(error, ApartError::Unknown { what: "surface" });
+    }
+
+    #[test]
+    fn parts_of_calls_and_numbers_of_nothing_are_refused() {
+        let mut scene = scene();
+        let mut apart = Apart::default();
+        let work = Work::default();
+        let paint = paint(4);
+        for call in [Call::Surface(0, &scene), Call::Canvas(0, &paint)] {
+            let bytes = call.pieces().concat();
+            // Every beginning would take long.
+            for end in (0..bytes.len().min(200)).chain([bytes.len() / 2, bytes.len() - 1]) {
+                assert_eq!(apart.answer(&bytes[..end], &work), Err(ApartError::Part), "{end}");
+            }
+            let longer = [&bytes[..], &[0]].concat();
+            assert_eq!(apart.answer(&longer, &work), Err(ApartError::More(1)));
+        }
+        // Numbers that no bytes follow.
+        for kind in [SURFACE, CANVAS] {
+            let huge = [kind, u32::MAX, u32::MAX, u32::MAX, u32::MAX].map(u32::to_ne_bytes).concat();
+            assert_eq!(apart.answer(&huge, &work), Err(ApartError::Part));
+        }
+        assert_eq!(apart.answer(&[9; 8], &work), Err(ApartError::Unknown { what: "call" }));
+        let neighbors = Neighbors { k: 8, indices: vec![400; 8 * 400] };
+        scene.neighbors = Some(neighbors);
+        let error = answer(&mut apart, &Call::Surface(0, &scene)).unwrap_err();
+        assert_eq!(error, ApartError::Unknown { what: "neighbor" });
+        assert!(apart.surfaces.is_empty() && apart.canvases.is_empty());
+    }
+
+    #[test]
+    fn cameras_arrive_as_they_were() {
+        let mut scene = scene();
+        let to = Vec3::new(10.0, 10.0, 0.0);
+        scene.cameras =
+            vec![Camera::look_at(Vec3::new(3.0, 4.0, 30.0), to, Vec3::Y, 0.7, UVec2::new(64, 48))];
+        let bytes = pieces_of(&scene).concat();
+        let read = super::scene(Reader(&bytes)).unwrap();
+        assert_eq!(read.cameras, scene.cameras);
+        assert_eq!((read.up, read.frame, read.filter), (scene.up, scene.frame, scene.filter));
+        assert_eq!((read.base_colors(), read.order), (scene.base_colors(), scene.order));
+    }
+}
