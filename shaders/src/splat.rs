@@ -8,8 +8,10 @@ use stylegaussian::{
 
 use crate::{Layout, Source, float_constants, layout};
 
+pub mod depth;
 pub mod strokes;
 
+use depth::SplatIso;
 use strokes::{StrokeChunk, StrokeDraw, StrokeMotion};
 
 /// Invocations in a workgroup of every kernel of the pass.
@@ -245,6 +247,11 @@ pub fn sources() -> Vec<Source> {
         strokes::draw(),
         strokes::tiles_blend(false),
         strokes::tiles_blend(true),
+        depth::tiles(),
+        depth::slices_commands(),
+        depth::slices_draw(),
+        depth::slices_cross(),
+        depth::write(),
     ]
 }
 
@@ -290,6 +297,7 @@ pub fn layouts() -> Vec<Layout> {
         layout!(SplatTiles { viewport, n_tiles, capacity, padding }),
         layout!(RunProgress { n_splats, n_tiles }),
         layout!(SplatComposite { exposure }),
+        layout!(SplatIso { viewport, threshold, slice, padding_0, padding_1 }),
         layout!(StrokeChunk {
             chunk,
             amount,

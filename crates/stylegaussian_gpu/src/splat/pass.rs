@@ -1,8 +1,11 @@
 //! The splat pass as a whole: its pipelines, and the order of its stages.
 
+use std::sync::OnceLock;
+
 use super::{
     camera::Camera,
     cloud::{self, Cloud},
+    depth::Depth,
     draw::{Draw, SplatPipeline},
     error::SplatError,
     layer::Layer,
@@ -22,7 +25,9 @@ pub struct SplatPass {
     pub(super) sort: Sort,
     pub(super) draw: Draw,
     /// The compute rasterizer of software adapters.
-    tiles: Option<Tiles>,
+    pub(super) tiles: Option<Tiles>,
+    /// Made when a view asks for depth.
+    pub(super) depth: OnceLock<Depth>,
 }
 
 impl SplatPass {
@@ -44,7 +49,8 @@ impl SplatPass {
 
     fn by_quads_with_store(device: &wgpu::Device, store: StrokeStore) -> Self {
         let project = Project::new(device, store);
-        Self { project, sort: Sort::new(device), draw: Draw::new(device), tiles: None }
+        let (sort, draw) = (Sort::new(device), Draw::new(device));
+        Self { project, sort, draw, tiles: None, depth: OnceLock::new() }
     }
 
     /// The textures of strokes. Clouds are drawn with strokes that were uploaded to it.
