@@ -26,7 +26,7 @@
 //!   [`StylePrepare`](style::StylePrepare) prepares a loaded scene for the first.
 //!   [`StyleMask`] holds weights that are painted at run time, and [`MaskVisibility`] hides painted splats or
 //!   crops to them.
-//! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
+//! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`], [`SplatDepth`].
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
 //! - Resources: [`StyleMethod`](style::StyleMethod), [`StyleThreads`], and those of the
 //!   [decoder](style::decoder).
@@ -45,7 +45,7 @@
 //!
 //! Most apps need no more than [`prelude`].
 //!
-//! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`,
+//! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`, `splat_depth`,
 //! `splat_composite`, `style_pass` and `redraw_strokes` are among the render diagnostics. If several cameras
 //! see splats, the names of the second and further ones end with a number, as in `splat_draw_2`: in the order
 //! in which the cameras came, and a camera keeps its number. The sum is the time of the frame.
@@ -86,7 +86,7 @@ pub use picking::SplatRayCast;
 pub use plugin::StyleGaussianPlugin;
 #[doc(inline)]
 pub use scene::{FitScene, GaussianScene, GaussianSceneFailed, GaussianSplats};
-pub use splats::{SplatSortKey, SplatTonemapping};
+pub use splats::{SplatDepth, SplatSortKey, SplatTonemapping};
 #[cfg(feature = "refine")]
 #[doc(inline)]
 pub use style::StyleRefine;
@@ -118,8 +118,8 @@ pub mod prelude {
     pub use crate::picking::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
     pub use crate::{
         AppliedStyle, FitScene, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
-        HiddenUntilStyled, MaskVisibility, SplatRayCast, SplatSortKey, SplatTonemapping, StyleApplied,
-        StyleFailed, StyleGaussianPlugin, StyleMask, StyleSource, StyleTransition, StyleVolume,
+        HiddenUntilStyled, MaskVisibility, SplatDepth, SplatRayCast, SplatSortKey, SplatTonemapping,
+        StyleApplied, StyleFailed, StyleGaussianPlugin, StyleMask, StyleSource, StyleTransition, StyleVolume,
         mask::{SavedMask, StyleMaskFailed},
         picking::SplatHit,
         style::{

@@ -1,12 +1,14 @@
 //! Splats: drawing scenes, in the colors of [`crate::colors`], into the views of cameras.
 //!
 //! Each frame plans the views ([`view`]) and builds missing pipelines in the background ([`pipelines`]). Each
-//! camera then runs the splat pass ([`pass`]). Styles are none of this room's business.
+//! camera then runs the splat pass ([`pass`]), and writes depth if it is asked for ([`depth`]). Styles are none
+//! of this room's business.
 
 use bevy::{
     core_pipeline::{
         Core3d, Core3dSystems,
         core_3d::{main_opaque_pass_3d, main_transparent_pass_3d, prepare_core_3d_depth_textures},
+        prepass::node::late_prepass,
         tonemapping::tonemapping,
     },
     prelude::*,
@@ -18,6 +20,7 @@ use bevy::{
 use crate::scene::{device_serves, upload_scenes};
 
 mod camera;
+mod depth;
 #[cfg(test)]
 mod held;
 mod living;
@@ -26,6 +29,7 @@ mod pipelines;
 mod view;
 
 pub use camera::{SplatSortKey, SplatTonemapping};
+pub use depth::SplatDepth;
 
 #[cfg(test)]
 pub(crate) use held::Held;
@@ -39,7 +43,7 @@ pub(crate) struct SplatsPlugin;
 
 impl Plugin for SplatsPlugin {
     fn build(&self, app: &mut App) {
-        app.register_type::<SplatTonemapping>().register_type::<SplatSortKey>();
+        app.register_type::<SplatTonemapping>().register_type::<SplatSortKey>().register_type::<SplatDepth>();
         // Apps without rendering, such as servers and tests, still load and style scenes.
         if app.get_sub_app(RenderApp).is_none() {
             return;
@@ -47,10 +51,12 @@ impl Plugin for SplatsPlugin {
         app.add_plugins((
             ExtractComponentPlugin::<SplatTonemapping>::default(),
             ExtractComponentPlugin::<SplatSortKey>::default(),
+            ExtractComponentPlugin::<SplatDepth>::default(),
         ));
         app.sub_app_mut(RenderApp)
             .init_gpu_resource::<pipelines::SplatPipelines>()
             .init_gpu_resource::<view::SplatViews>()
+            .init_gpu_resource::<depth::SplatDepths>()
             .add_systems(
                 Render,
                 (
@@ -58,16 +64,28 @@ impl Plugin for SplatsPlugin {
                     view::allow_reading_depth.before(prepare_core_3d_depth_textures).run_if(device_serves),
                     // A scene that was uploaded in this frame is drawn in this frame.
                     view::prepare_views.after(upload_scenes).run_if(device_serves),
+                    depth::prepare_depths.after(view::prepare_views).run_if(device_serves),
                 )
                     .in_set(RenderSystems::PrepareResources),
             )
             .add_systems(
                 Core3d,
                 (
+                    // Before the main pass, since ambient occlusion reads the depth of the prepass.
+                    pass::sort_splats.in_set(Core3dSystems::Prepass),
+                    depth::write_prepass_depth
+                        .after(late_prepass)
+                        .after(pass::sort_splats)
+                        .in_set(Core3dSystems::Prepass),
                     living::redraw_living.before(DrawsSplats).in_set(Core3dSystems::MainPass),
                     // After everything that writes depth, and before everything that is blended over it.
                     pass::draw_splats
                         .after(main_opaque_pass_3d)
+                        .before(main_transparent_pass_3d)
+                        .in_set(Core3dSystems::MainPass)
+                        .in_set(DrawsSplats),
+                    depth::write_view_depth
+                        .after(pass::draw_splats)
                         .before(main_transparent_pass_3d)
                         .in_set(Core3dSystems::MainPass)
                         .in_set(DrawsSplats),

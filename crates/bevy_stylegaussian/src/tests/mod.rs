@@ -6,6 +6,7 @@
 #[cfg(feature = "images")]
 mod background;
 mod demo_scene;
+mod depth;
 mod diagnostics;
 mod formats;
 #[cfg(feature = "images")]
