@@ -1,6 +1,7 @@
 //! Splats among meshes: lit cubes circle in front of a styled scene, behind it and through it. Cubes cover
 //! splats behind them and cast shadows on others, and splats cover cubes. A pane of glass in front tints the
-//! scene. Splats write no depth, so transparent meshes are always drawn over them.
+//! scene, and the scene stands in water. The splats write depth, so they hide the water behind them, and depth
+//! of field blurs what is near and far.
 //!
 //! ```sh
 //! cargo run --release --example meshes
@@ -8,11 +9,16 @@
 
 use std::f32::consts::TAU;
 
+#[cfg(not(target_family = "wasm"))]
+use bevy::post_process::dof::DepthOfField;
 use bevy::prelude::*;
 use bevy_stylegaussian::prelude::*;
 
 #[path = "backdrop/mod.rs"]
 mod backdrop;
+
+/// Height of the water, in scene units.
+const WATER_LEVEL: f32 = -0.6;
 
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
 
@@ -41,7 +47,15 @@ fn main() -> AppExit {
 
 fn spawn_scene(mut commands: Commands, assets: Res<AssetServer>) {
     let camera = Transform::from_xyz(0.0, 4.2, 11.0).looking_at(Vec3::ZERO, Vec3::Y);
-    commands.spawn((Camera3d::default(), AmbientLight { brightness: 400.0, ..default() }, camera));
+    commands.spawn((
+        Camera3d::default(),
+        SplatDepth::default(),
+        // The middle of the scene is sharp.
+        #[cfg(not(target_family = "wasm"))]
+        DepthOfField { focal_distance: camera.translation.length(), aperture_f_stops: 0.1, ..default() },
+        AmbientLight { brightness: 400.0, ..default() },
+        camera,
+    ));
     commands.spawn((
         DirectionalLight { illuminance: 8_000.0, shadow_maps_enabled: true, ..default() },
         Transform::from_xyz(4.0, 8.0, 6.0).looking_at(Vec3::ZERO, Vec3::Y),
@@ -61,6 +75,7 @@ fn spawn_cubes(
 ) {
     let cube = meshes.add(Cuboid::from_length(1.0));
     let pane = meshes.add(Cuboid::new(1.8, 1.8, 0.06));
+    let surface = meshes.add(Plane3d::new(Vec3::Y, Vec2::splat(9.0)));
     let around = Circle { radius: 5.6, height: 0.4, tilt: 0.0, speed: 0.06, start: 0.25 };
     let opposite = Circle { start: 0.75, ..around };
     let through = Circle { radius: 2.6, height: 0.3, tilt: 0.5, speed: 0.09, start: 0.1 };
@@ -71,6 +86,8 @@ fn spawn_cubes(
     let yellow = material(Color::srgb(0.95, 0.70, 0.15), AlphaMode::Opaque);
     let blue = material(Color::srgb(0.15, 0.40, 0.85), AlphaMode::Opaque);
     let tinted = material(Color::srgba(0.30, 0.90, 0.60, 0.35), AlphaMode::Blend);
+    let water = material(Color::srgba(0.10, 0.35, 0.45, 0.6), AlphaMode::Blend);
+    commands.spawn((Transform::from_xyz(0.0, WATER_LEVEL, 0.0), Mesh3d(surface), MeshMaterial3d(water)));
     commands.spawn((around, Mesh3d(cube.clone()), MeshMaterial3d(red)));
     commands.spawn((opposite, Mesh3d(cube.clone()), MeshMaterial3d(yellow)));
     commands.spawn((through, Mesh3d(cube), MeshMaterial3d(blue)));

@@ -8,9 +8,11 @@ use stylegaussian::{
 
 use crate::{Layout, Source, float_constants, layout};
 
+pub mod depth;
 pub mod light;
 pub mod strokes;
 
+use depth::SplatIso;
 use light::{FogSun, ShadowCascade, SplatLight, SplatShadows};
 use strokes::{StrokeChange, StrokeChunk, StrokeDraw, StrokeMotion};
 
@@ -249,6 +251,11 @@ pub fn sources() -> Vec<Source> {
         strokes::draw(),
         strokes::tiles_blend(false),
         strokes::tiles_blend(true),
+        depth::tiles(),
+        depth::slices_commands(),
+        depth::slices_draw(),
+        depth::slices_cross(),
+        depth::write(),
     ]
 }
 
@@ -329,6 +336,7 @@ pub fn layouts() -> Vec<Layout> {
             far,
         }),
         layout!(SplatShadows { cascades, n_cascades, padding_0, padding_1, padding_2 }),
+        layout!(SplatIso { viewport, threshold, slice, padding_0, padding_1 }),
         layout!(StrokeChunk {
             chunk,
             amount,

@@ -27,7 +27,8 @@
 //!   [`StyleMask`] holds weights that are painted at run time, and [`MaskVisibility`] hides painted splats or
 //!   crops to them. [`SplatTint`] changes the colors of all of it at once, and
 //!   [`SplatShadows`] lets meshes cast shadows on it.
-//! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`]; Bevy's `DistanceFog` reaches splats, too.
+//! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`], [`SplatDepth`]; Bevy's `DistanceFog` reaches
+//!   splats, too.
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
 //! - Resources: [`StyleMethod`](style::StyleMethod), [`StyleThreads`], and those of the
 //!   [decoder](style::decoder).
@@ -46,7 +47,7 @@
 //!
 //! Most apps need no more than [`prelude`].
 //!
-//! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`,
+//! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`, `splat_depth`,
 //! `splat_composite`, `style_pass` and `redraw_strokes` are among the render diagnostics. If several cameras
 //! see splats, the names of the second and further ones end with a number, as in `splat_draw_2`: in the order
 //! in which the cameras came, and a camera keeps its number. The sum is the time of the frame.
@@ -88,7 +89,7 @@ pub use picking::SplatRayCast;
 pub use plugin::StyleGaussianPlugin;
 #[doc(inline)]
 pub use scene::{FitScene, GaussianScene, GaussianSceneFailed, GaussianSplats};
-pub use splats::{SplatShadows, SplatSortKey, SplatTint, SplatTonemapping};
+pub use splats::{SplatDepth, SplatShadows, SplatSortKey, SplatTint, SplatTonemapping};
 #[cfg(feature = "refine")]
 #[doc(inline)]
 pub use style::StyleRefine;
@@ -120,7 +121,7 @@ pub mod prelude {
     pub use crate::picking::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
     pub use crate::{
         AppliedStyle, FitScene, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
-        HiddenUntilStyled, MaskVisibility, SplatRayCast, SplatShadows, SplatSortKey, SplatTint,
+        HiddenUntilStyled, MaskVisibility, SplatDepth, SplatRayCast, SplatShadows, SplatSortKey, SplatTint,
         SplatTonemapping, StyleApplied, StyleFailed, StyleGaussianPlugin, StyleMask, StyleSource,
         StyleTransition, StyleVolume,
         mask::{SavedMask, StyleMaskFailed},

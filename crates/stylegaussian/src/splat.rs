@@ -13,13 +13,15 @@
 //! 0.3 px^2 add.
 //!
 //! The stages, one module each: `project` (cull, project, sort by depth), `bands` (list the splats of each
-//! tile), `composite` (blend one tile), `weights` (keep the blend weights in place of a picture). `alpha` holds
-//! the limits that they share, and `bounds` the box around all that is drawn.
+//! tile), `composite` (blend one tile), `weights` (keep the blend weights in place of a picture). `iso` finds how
+//! far away the surface is. `alpha` holds the limits that they share, and `bounds` the box around all that is
+//! drawn.
 
 mod alpha;
 mod bands;
 mod bounds;
 mod composite;
+mod iso;
 mod project;
 mod weights;
 
@@ -40,6 +42,7 @@ use crate::{
 pub use alpha::{MAX_ALPHA, MIN_ALPHA};
 use bands::Bands;
 use composite::{GROUP, GROUPS, TILE};
+pub use iso::{ISO_THRESHOLD, iso_depth, iso_threshold};
 pub(crate) use project::Projection;
 use project::{Splat, project};
 pub use weights::BlendWeights;

@@ -19,13 +19,15 @@
 //! least-squares table otherwise.
 //!
 //! Stages 1 and 2 are [`SplatPass::project_and_sort`], stage 3 is [`SplatPass::draw_layer`], stage 4 is
-//! [`Composite::draw`]. The rules are those of the CPU twin, `stylegaussian::splat`, with two differences:
+//! [`Composite::draw`]. A stage of its own, *depth* (`depth`), writes what the splats know of depth into the
+//! camera's depth attachment, if it is asked for: [`SplatPass::find_depth`], [`SplatPass::write_depth`]. The rules are those of the CPU twin, `stylegaussian::splat`, with two differences:
 //! quads finish no pixel early (less than 1e-4 of its light is left then), and records store colors and
 //! opacities as f16.
 
 mod camera;
 mod cloud;
 mod composite;
+mod depth;
 mod draw;
 mod error;
 mod headless;
@@ -46,6 +48,7 @@ mod view;
 pub use camera::Camera;
 pub use cloud::{Cloud, CloudColors, CloudVisibility};
 pub use composite::{Composite, CompositeInput, CompositeMode, CompositePipeline};
+pub use depth::{DepthPipeline, IsoDepth};
 pub use draw::SplatPipeline;
 pub use error::SplatError;
 pub use headless::{Headless, HeadlessError, Picture};

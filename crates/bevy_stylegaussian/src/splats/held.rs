@@ -2,7 +2,7 @@
 
 use bevy::{prelude::*, render::view::ExtractedView};
 
-use super::{pipelines::SplatPipelines, view::SplatViews};
+use super::{depth::SplatDepths, pipelines::SplatPipelines, view::SplatViews};
 
 /// Objects that frames without changes must not create.
 #[derive(Debug, PartialEq)]
@@ -11,6 +11,8 @@ pub(crate) struct Held {
     pub(crate) n_pipelines: usize,
     /// Addresses of the views' layers.
     pub(crate) layers: Vec<usize>,
+    /// Number of views with depths.
+    pub(crate) n_depths: usize,
 }
 
 impl Held {
@@ -22,6 +24,7 @@ impl Held {
         let views = views.iter().filter_map(|view| world.resource::<SplatViews>().get(view));
         // Addresses tell a kept layer from a new one of the same size.
         let layers = views.filter_map(|view| Some(std::ptr::from_ref(view.layer()?.0).addr())).collect();
-        Self { n_pipelines, layers }
+        let n_depths = world.resource::<SplatDepths>().n_views();
+        Self { n_pipelines, layers, n_depths }
     }
 }

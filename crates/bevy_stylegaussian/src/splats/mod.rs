@@ -1,13 +1,14 @@
 //! Splats: drawing scenes, in the colors of [`crate::colors`], into the views of cameras.
 //!
 //! Each frame plans the views ([`view`]), finds their light ([`light`]) and builds missing pipelines in the
-//! background ([`pipelines`]). Each camera then runs the splat pass ([`pass`]). Styles are none of this room's
-//! business.
+//! background ([`pipelines`]). Each camera then runs the splat pass ([`pass`]), and writes depth if it is asked
+//! for ([`depth`]). Styles are none of this room's business.
 
 use bevy::{
     core_pipeline::{
         Core3d, Core3dSystems,
         core_3d::{main_opaque_pass_3d, main_transparent_pass_3d, prepare_core_3d_depth_textures},
+        prepass::node::late_prepass,
         tonemapping::tonemapping,
     },
     prelude::*,
@@ -25,6 +26,7 @@ mod air;
 #[path = "no_air.rs"]
 mod air;
 mod camera;
+mod depth;
 #[cfg(test)]
 mod held;
 mod light;
@@ -34,6 +36,7 @@ mod pipelines;
 mod view;
 
 pub use camera::{SplatSortKey, SplatTonemapping};
+pub use depth::SplatDepth;
 pub use light::{SplatShadows, SplatTint};
 
 #[cfg(test)]
@@ -48,8 +51,8 @@ pub(crate) struct SplatsPlugin;
 
 impl Plugin for SplatsPlugin {
     fn build(&self, app: &mut App) {
-        app.register_type::<SplatTonemapping>().register_type::<SplatSortKey>().register_type::<SplatTint>();
-        app.register_type::<SplatShadows>();
+        app.register_type::<SplatTonemapping>().register_type::<SplatSortKey>().register_type::<SplatDepth>();
+        app.register_type::<SplatTint>().register_type::<SplatShadows>();
         // Apps without rendering, such as servers and tests, still load and style scenes.
         if app.get_sub_app(RenderApp).is_none() {
             return;
@@ -57,6 +60,7 @@ impl Plugin for SplatsPlugin {
         app.add_plugins((
             ExtractComponentPlugin::<SplatTonemapping>::default(),
             ExtractComponentPlugin::<SplatSortKey>::default(),
+            ExtractComponentPlugin::<SplatDepth>::default(),
         ));
         app.sub_app_mut(RenderApp)
             .init_gpu_resource::<pipelines::SplatPipelines>()
@@ -64,6 +68,7 @@ impl Plugin for SplatsPlugin {
             .init_gpu_resource::<light::SplatLights>()
             .init_resource::<light::CloudLights>()
             .add_systems(ExtractSchedule, light::extract_cloud_lights)
+            .init_gpu_resource::<depth::SplatDepths>()
             .add_systems(
                 Render,
                 (
@@ -73,16 +78,28 @@ impl Plugin for SplatsPlugin {
                     view::prepare_views.after(upload_scenes).run_if(device_serves),
                     // The passes that its pipelines are parts of have been requested.
                     light::prepare_lights.after(view::prepare_views).run_if(device_serves),
+                    depth::prepare_depths.after(view::prepare_views).run_if(device_serves),
                 )
                     .in_set(RenderSystems::PrepareResources),
             )
             .add_systems(
                 Core3d,
                 (
+                    // Before the main pass, since ambient occlusion reads the depth of the prepass.
+                    pass::sort_splats.in_set(Core3dSystems::Prepass),
+                    depth::write_prepass_depth
+                        .after(late_prepass)
+                        .after(pass::sort_splats)
+                        .in_set(Core3dSystems::Prepass),
                     living::redraw_living.before(DrawsSplats).in_set(Core3dSystems::MainPass),
                     // After everything that writes depth, and before everything that is blended over it.
                     pass::draw_splats
                         .after(main_opaque_pass_3d)
+                        .before(main_transparent_pass_3d)
+                        .in_set(Core3dSystems::MainPass)
+                        .in_set(DrawsSplats),
+                    depth::write_view_depth
+                        .after(pass::draw_splats)
                         .before(main_transparent_pass_3d)
                         .in_set(Core3dSystems::MainPass)
                         .in_set(DrawsSplats),

@@ -33,10 +33,10 @@ struct Gpu<'a> {
     diagnostics: Option<&'a DiagnosticsRecorder>,
 }
 
-/// Draws a view's splats into its layer, and composites the layer unless that happens after tonemapping.
+/// Projects and sorts a view's splats.
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
-pub(super) fn draw_splats(
-    view: ViewQuery<(&ExtractedView, &ViewTarget, &ViewDepthTexture)>,
+pub(super) fn sort_splats(
+    view: ViewQuery<&ExtractedView, (With<ViewTarget>, With<ViewDepthTexture>)>,
     mut views: ResMut<SplatViews>,
     pipelines: Res<SplatPipelines>,
     clouds: Res<RenderClouds>,
@@ -50,7 +50,7 @@ pub(super) fn draw_splats(
     reports: Res<Reports<SceneRefused>>,
     mut context: RenderContext,
 ) {
-    let (extracted, target, depth) = view.into_inner();
+    let extracted = view.into_inner();
     let Some(splats) = views.get_mut(&extracted.retained_view_entity) else { return };
     // Nothing to draw here is not an error: splats, pipelines or the table are still on their way.
     let Some(plan) = splats.plan else { return };
@@ -75,7 +75,7 @@ pub(super) fn draw_splats(
         .collect();
     splats.buffers.set_light(lights.of(&extracted.retained_view_entity, &entities));
     let diagnostics = context.diagnostic_recorder();
-    let mut gpu = Gpu {
+    let gpu = Gpu {
         device: device.wgpu_device(),
         queue: &queue,
         encoder: context.command_encoder(),
@@ -99,6 +99,28 @@ pub(super) fn draw_splats(
     }
     // A later refusal is reported again, since it has another cause: other clouds, or a larger target.
     splats.refused = false;
+}
+
+/// Draws a view's sorted splats into its layer, and composites the layer unless that happens after tonemapping.
+pub(super) fn draw_splats(
+    view: ViewQuery<(&ExtractedView, &ViewTarget, &ViewDepthTexture)>,
+    mut views: ResMut<SplatViews>,
+    pipelines: Res<SplatPipelines>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    mut context: RenderContext,
+) {
+    let (extracted, target, depth) = view.into_inner();
+    let Some(splats) = views.get_mut(&extracted.retained_view_entity) else { return };
+    let Some(plan) = splats.plan else { return };
+    let Some(ready) = pipelines.get(plan.samples, plan.composite) else { return };
+    let diagnostics = context.diagnostic_recorder();
+    let mut gpu = Gpu {
+        device: device.wgpu_device(),
+        queue: &queue,
+        encoder: context.command_encoder(),
+        diagnostics: diagnostics.as_deref(),
+    };
     draw_layer(&mut gpu, &ready, splats, depth);
     if !plan.after_tonemapping {
         composite(&mut gpu, &ready, splats, target.get_color_attachment());
@@ -107,7 +129,7 @@ pub(super) fn draw_splats(
 
 /// Reports why the view shows no splats, unless it did so before.
 fn refuse(splats: &mut ViewSplats, reports: &Reports<SceneRefused>, reason: &str) {
-    // Without a plan, `composite_after_tonemapping` leaves the view alone in this frame too.
+    // Without a plan, what comes later leaves the view alone in this frame too.
     splats.plan = None;
     if std::mem::replace(&mut splats.refused, true) {
         return;

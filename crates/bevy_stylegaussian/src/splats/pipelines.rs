@@ -189,6 +189,11 @@ impl SplatPipelines {
         self.passes.as_ref()?.get().map(|passes| &**passes)
     }
 
+    /// The same, to be kept.
+    pub(super) fn shared(&self) -> Option<Arc<Passes>> {
+        self.passes.as_ref()?.get().cloned()
+    }
+
     /// Number of pipelines and tables requested so far.
     #[cfg(test)]
     pub(super) fn n_requested(&self) -> usize {

@@ -8,6 +8,7 @@ mod air;
 #[cfg(feature = "images")]
 mod background;
 mod demo_scene;
+mod depth;
 mod diagnostics;
 mod formats;
 #[cfg(feature = "images")]

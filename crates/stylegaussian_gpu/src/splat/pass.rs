@@ -1,8 +1,11 @@
 //! The splat pass as a whole: its pipelines, and the order of its stages.
 
+use std::sync::OnceLock;
+
 use super::{
     camera::Camera,
     cloud::{self, Cloud},
+    depth::Depth,
     draw::{Draw, SplatPipeline},
     error::SplatError,
     layer::Layer,
@@ -25,7 +28,9 @@ pub struct SplatPass {
     pub(super) draw: Draw,
     pub(super) light: LightStage,
     /// The compute rasterizer of software adapters.
-    tiles: Option<Tiles>,
+    pub(super) tiles: Option<Tiles>,
+    /// Made when a view asks for depth.
+    pub(super) depth: OnceLock<Depth>,
 }
 
 impl SplatPass {
@@ -47,8 +52,8 @@ impl SplatPass {
 
     fn by_quads_with_store(device: &wgpu::Device, store: StrokeStore) -> Self {
         let project = Project::new(device, store);
-        let light = LightStage::default();
-        Self { project, sort: Sort::new(device), draw: Draw::new(device), light, tiles: None }
+        let (sort, draw, light) = (Sort::new(device), Draw::new(device), LightStage::default());
+        Self { project, sort, draw, light, tiles: None, depth: OnceLock::new() }
     }
 
     /// The textures of strokes. Clouds are drawn with strokes that were uploaded to it.

@@ -304,6 +304,12 @@ impl TileLists {
         &self.commands
     }
 
+    /// What a blend reads: uniforms, ends of runs, segments, entries, and both halves of the records.
+    pub fn buffers(&self) -> [&wgpu::Buffer; 6] {
+        let [geometry, color] = &self.records;
+        [&self.uniforms, &self.run_counts, &self.segments, &self.entries, geometry, color]
+    }
+
     fn bind_blend(
         &self,
         device: &wgpu::Device,
@@ -311,11 +317,7 @@ impl TileLists {
         layer: &wgpu::TextureView,
         depth: Option<&wgpu::TextureView>,
     ) -> wgpu::BindGroup {
-        let [geometry, color] = &self.records;
-        let mut resources: Vec<_> =
-            [&self.uniforms, &self.run_counts, &self.segments, &self.entries, geometry, color]
-                .map(wgpu::Buffer::as_entire_binding)
-                .into();
+        let mut resources: Vec<_> = self.buffers().map(wgpu::Buffer::as_entire_binding).into();
         resources.push(wgpu::BindingResource::TextureView(layer));
         resources.extend(depth.map(wgpu::BindingResource::TextureView));
         bind_group(device, kernel.label, &kernel.layout, &resources)

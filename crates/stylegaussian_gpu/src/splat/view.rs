@@ -10,6 +10,7 @@ use stylegaussian_shaders::splat::{
 
 use super::{
     camera::Camera,
+    depth::Sorted,
     error::SplatError,
     light::{LightBuffers, LitView, ViewLight},
     sort::{Sort, SortBuffers},
@@ -52,6 +53,8 @@ pub struct SplatView {
     is_painted: bool,
     /// Tints, shadows and fog.
     pub(super) lit: LitView,
+    /// A number that differs after each change of the visible splats or their order.
+    order: u64,
 }
 
 /// The buffers with a size that depends on the number of records.
@@ -420,8 +423,21 @@ impl SplatView {
         Some(lists)
     }
 
-    /// Marks the lists of tiles as stale, because the order of the splats is about to change.
+    /// A number that differs after each change of the visible splats or their order.
+    pub(super) fn order(&self) -> u64 {
+        self.order
+    }
+
+    /// The sorted splats, if there are any buffers yet.
+    pub(super) fn sorted(&self) -> Option<Sorted<'_>> {
+        let buffers = self.buffers.as_ref()?;
+        let SortBuffers { counts, record_indices, .. } = &buffers.sort;
+        Some(Sorted { counts, record_indices, color_halves: &buffers.color_halves })
+    }
+
+    /// Marks the lists of tiles and iso depths as stale, because the order of the splats is about to change.
     pub(super) fn empty_lists(&mut self) {
+        self.order += 1;
         if let Some(lists) = self.buffers.as_mut().and_then(|buffers| buffers.lists.as_mut()) {
             lists.empty();
         }

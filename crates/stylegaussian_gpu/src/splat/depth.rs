@@ -1,0 +1,327 @@
+//! The stage *depth*: how far away the surface is that splats form in each pixel, and writing it into a depth
+//! attachment. Views that do not ask for it have none of this.
+//!
+//! Iso depth is the depth of the splat, front to back, behind which less than a threshold of the light passes.
+//! Meshes do not change it: a surface behind a mesh fails the test of the attachment, and one before it is the
+//! same without the mesh. So it has one sample per pixel and reads no depth texture, for targets of all kinds.
+//!
+//! On software adapters it is read off the lists of tiles, exactly (`splat_tiles_depth`). Quads are drawn in
+//! slices ([`slices`]), each splat once: within 0.26% of the distance on the demo scene in the mean, and 0.9%
+//! in 95 of 100 pixels. They always agree on whether there is a surface.
+
+use std::sync::OnceLock;
+
+use glam::{UVec4, Vec4Swizzles};
+use stylegaussian::splat::iso_threshold;
+use stylegaussian_shaders::splat::{
+    SplatTiles,
+    depth::{self as shaders, N_SLICES, SplatIso},
+};
+
+use super::{pass::SplatPass, tiles::TileLists, view::SplatView};
+use crate::{
+    bindings::{
+        self, bind_group, compute_pipeline, group_layout, pipeline_layout, shader_module, storage_binding,
+    },
+    buffers,
+};
+
+mod slices;
+#[cfg(test)]
+mod tests;
+
+pub(super) use slices::Sorted;
+use slices::{Slices, ViewSlices};
+
+/// Bytes from one slice's uniforms to the next one's: the coarsest alignment of dynamic offsets that a device
+/// may ask for.
+const UNIFORM_STRIDE: usize = 256;
+
+/// The pipelines, made when a view asks for depth.
+#[derive(Debug)]
+pub(super) struct Depth {
+    /// Uniforms with a dynamic offset, and the iso depths.
+    read: wgpu::BindGroupLayout,
+    write: wgpu::BindGroupLayout,
+    /// The lists of tiles.
+    lists: wgpu::BindGroupLayout,
+    tiles: OnceLock<wgpu::ComputePipeline>,
+    slices: OnceLock<Slices>,
+}
+
+/// The pipeline that writes iso depths into depth attachments of one kind.
+#[derive(Clone, Debug)]
+pub struct DepthPipeline(wgpu::RenderPipeline);
+
+/// The iso depths of one view.
+#[derive(Debug, Default)]
+pub struct IsoDepth {
+    made: Option<Made>,
+    found: Option<Found>,
+}
+
+/// The input that depths were found for.
+#[derive(Clone, Debug, PartialEq)]
+struct Found {
+    threshold: f32,
+    /// The version of the splats' order.
+    order: u64,
+    /// The buffer that tells the view from others.
+    counts: wgpu::Buffer,
+}
+
+#[derive(Debug)]
+struct Made {
+    viewport: UVec4,
+    threshold: f32,
+    uniforms: wgpu::Buffer,
+    depths: wgpu::Buffer,
+    read: wgpu::BindGroup,
+    write: wgpu::BindGroup,
+    /// The entries of the lists of tiles that are bound, and their group.
+    lists: Option<(wgpu::Buffer, wgpu::BindGroup)>,
+    slices: Option<ViewSlices>,
+}
+
+/// The binding of uniforms with a dynamic offset.
+fn uniform_binding() -> wgpu::BindingType {
+    wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Uniform,
+        has_dynamic_offset: true,
+        min_binding_size: wgpu::BufferSize::new(size_of::<SplatIso>() as u64),
+    }
+}
+
+/// The uniforms of one slice as a resource.
+fn uniforms_of(buffer: &wgpu::Buffer) -> wgpu::BindingResource<'_> {
+    wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+        buffer,
+        offset: 0,
+        size: wgpu::BufferSize::new(size_of::<SplatIso>() as u64),
+    })
+}
+
+impl Depth {
+    fn new(device: &wgpu::Device) -> Self {
+        let layout = |stages, read_only| {
+            group_layout(device, "splat_depth", stages, &[uniform_binding(), storage_binding(read_only)])
+        };
+        let read = storage_binding(true);
+        let lists = [bindings::uniform_binding::<SplatTiles>(), read, read, read, read, read];
+        Self {
+            read: layout(wgpu::ShaderStages::VERTEX_FRAGMENT, true),
+            write: layout(wgpu::ShaderStages::COMPUTE, false),
+            lists: group_layout(device, "splat_tiles_depth", wgpu::ShaderStages::COMPUTE, &lists),
+            tiles: OnceLock::new(),
+            slices: OnceLock::new(),
+        }
+    }
+
+    /// The kernel that reads the lists of tiles, which is compiled unless it is there.
+    fn tiles(&self, device: &wgpu::Device) -> &wgpu::ComputePipeline {
+        self.tiles.get_or_init(|| {
+            let source = shaders::tiles();
+            let layout = pipeline_layout(device, source.label, &[&self.lists, &self.write]);
+            compute_pipeline(device, source, &layout, wgpu::PipelineCompilationOptions::default())
+        })
+    }
+
+    /// The pipelines of quads, likewise.
+    fn slices(&self, device: &wgpu::Device, draw_layout: &wgpu::BindGroupLayout) -> &Slices {
+        self.slices.get_or_init(|| Slices::new(device, draw_layout, &self.read))
+    }
+
+    fn find_in_lists(
+        &self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        lists: &TileLists,
+        made: &mut Made,
+    ) {
+        // Lists that overflow are not read.
+        encoder.clear_buffer(&made.depths, 0, None);
+        let buffers = lists.buffers();
+        // The entries are made anew with all others of the lists.
+        if made.lists.as_ref().is_none_or(|(of, _)| of != buffers[3]) {
+            let resources = buffers.map(wgpu::Buffer::as_entire_binding);
+            let group = bind_group(device, "splat_tiles_depth", &self.lists, &resources);
+            made.lists = Some((buffers[3].clone(), group));
+        }
+        let Some((_, group)) = &made.lists else { return };
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("splat_tiles_depth"),
+            timestamp_writes: None,
+        });
+        pass.set_pipeline(self.tiles(device));
+        pass.set_bind_group(0, group, &[]);
+        pass.set_bind_group(1, &made.write, &[0]);
+        pass.dispatch_workgroups_indirect(lists.commands(), 0);
+    }
+}
+
+impl Made {
+    /// Room for the iso depths of a viewport, or `None` if the device cannot bind as much.
+    fn new(device: &wgpu::Device, depth: &Depth, viewport: UVec4) -> Option<Self> {
+        let size = 4 * u64::from(viewport.z) * u64::from(viewport.w);
+        if size > buffers::largest_binding(device) {
+            return None;
+        }
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        let depths = buffers::create(device, "splat_iso_depths", size, usage);
+        let uniforms = buffers::uniforms(device, "splat_depth", (UNIFORM_STRIDE * N_SLICES as usize) as u64);
+        let group = |layout| {
+            let resources = [uniforms_of(&uniforms), depths.as_entire_binding()];
+            bind_group(device, "splat_depth", layout, &resources)
+        };
+        let (read, write) = (group(&depth.read), group(&depth.write));
+        // Not a number: equal to no threshold.
+        let threshold = f32::NAN;
+        Some(Self { viewport, threshold, uniforms, depths, read, write, lists: None, slices: None })
+    }
+
+    fn set_threshold(&mut self, queue: &wgpu::Queue, threshold: f32) {
+        if self.threshold == threshold {
+            return;
+        }
+        self.threshold = threshold;
+        let mut bytes = vec![0; UNIFORM_STRIDE * N_SLICES as usize];
+        for (slice, bytes) in (0..).zip(bytes.chunks_exact_mut(UNIFORM_STRIDE)) {
+            let viewport = self.viewport.as_vec4().to_array();
+            let contents = SplatIso { viewport, threshold, slice, padding_0: 0, padding_1: 0 };
+            bytes[..size_of::<SplatIso>()].copy_from_slice(bytemuck::bytes_of(&contents));
+        }
+        queue.write_buffer(&self.uniforms, 0, &bytes);
+    }
+}
+
+impl IsoDepth {
+    /// Depths that are not found yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The depths of the viewport's pixels on the GPU `[H, W]`, f32: reverse z, and not above 0 where there is
+    /// no surface. It can be copied from. `None` if there are none.
+    pub fn buffer(&self) -> Option<&wgpu::Buffer> {
+        self.made.as_ref().filter(|_| self.found.is_some()).map(|made| &made.depths)
+    }
+}
+
+impl SplatPass {
+    /// Compiles the kernels of [`find_depth`](Self::find_depth), in any thread, while others draw. Without this
+    /// call, the first frame that asks for depth compiles them.
+    pub fn prepare_depth(&self, device: &wgpu::Device) {
+        let depth = self.depth(device);
+        if self.tiles.is_some() {
+            depth.tiles(device);
+        } else {
+            depth.slices(device, &self.draw.layout);
+        }
+    }
+
+    /// The pipeline that writes depths into attachments of `format` at `samples` samples.
+    pub fn depth_pipeline(
+        &self,
+        device: &wgpu::Device,
+        samples: u32,
+        format: wgpu::TextureFormat,
+    ) -> DepthPipeline {
+        let source = shaders::write();
+        let layout = pipeline_layout(device, source.label, &[&self.depth(device).read]);
+        let module = &shader_module(device, source);
+        let compilation_options = wgpu::PipelineCompilationOptions::default();
+        DepthPipeline(device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("splat_depth_write"),
+            layout: Some(&layout),
+            vertex: wgpu::VertexState {
+                module,
+                entry_point: Some("splat_depth_write_vertex"),
+                compilation_options: compilation_options.clone(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::Greater),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
+            fragment: Some(wgpu::FragmentState {
+                module,
+                entry_point: Some("splat_depth_write_fragment"),
+                compilation_options,
+                targets: &[],
+            }),
+            multiview_mask: None,
+            cache: None,
+        }))
+    }
+
+    /// Finds the iso depths of `view` by the fastest way of the adapter, unless `iso` has them already.
+    /// [`project_and_sort`](Self::project_and_sort) comes before, and `iso` belongs to this view alone.
+    ///
+    /// `threshold` is the share of the light, as [`iso_threshold`] limits it. A viewport with more pixels than
+    /// the device can bind numbers has no depths, nor has one whose lists of tiles overflow.
+    pub fn find_depth(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        encoder: &mut wgpu::CommandEncoder,
+        view: &mut SplatView,
+        threshold: f32,
+        iso: &mut IsoDepth,
+    ) {
+        let threshold = iso_threshold(threshold);
+        let (Some(source), Some(sorted)) = (view.draw_source(), view.sorted()) else {
+            iso.found = None;
+            return;
+        };
+        let viewport = source.viewport;
+        let wanted = Some(Found { threshold, order: view.order(), counts: sorted.counts.clone() });
+        let depth = self.depth(device);
+        if iso.made.as_ref().is_none_or(|made| made.viewport != viewport) {
+            iso.found = None;
+            iso.made = Made::new(device, depth, viewport);
+        }
+        let Some(made) = iso.made.as_mut().filter(|_| iso.found != wanted) else { return };
+        iso.found = None;
+        made.set_threshold(queue, threshold);
+        match &self.tiles {
+            Some(tiles) => {
+                let Some(lists) = view.lists(device, queue, tiles) else { return };
+                tiles.fill(encoder, lists);
+                depth.find_in_lists(device, encoder, lists, made);
+            }
+            None => {
+                let slices = depth.slices(device, &self.draw.layout);
+                let (Some(source), Some(sorted)) = (view.draw_source(), view.sorted()) else { return };
+                // A view that sees more than before has other buffers.
+                if made.slices.as_ref().is_none_or(|of_view| !of_view.fits(&sorted)) {
+                    let buffers = (&made.uniforms, &made.depths);
+                    made.slices = Some(ViewSlices::new(device, slices, sorted, viewport.zw(), buffers));
+                }
+                if let Some(of_view) = &made.slices {
+                    slices.encode(encoder, of_view, source.bind_group, &made.read, UNIFORM_STRIDE);
+                }
+            }
+        }
+        iso.found = wanted;
+    }
+
+    /// Writes the depths of `iso` into the depth attachment of `pass`, where they are nearer. `pipeline` must
+    /// fit the attachment, which has the size of the camera's target. Nothing is written if there are none.
+    pub fn write_depth(&self, pass: &mut wgpu::RenderPass, iso: &IsoDepth, pipeline: &DepthPipeline) {
+        let Some(made) = iso.made.as_ref().filter(|_| iso.found.is_some()) else { return };
+        let [x, y, width, height] = made.viewport.as_vec4().to_array();
+        pass.set_viewport(x, y, width, height, 0.0, 1.0);
+        pass.set_pipeline(&pipeline.0);
+        pass.set_bind_group(0, &made.read, &[0]);
+        pass.draw(0..3, 0..1);
+    }
+
+    fn depth(&self, device: &wgpu::Device) -> &Depth {
+        self.depth.get_or_init(|| Depth::new(device))
+    }
+}

@@ -1,0 +1,195 @@
+//! Iso depths by quads: `splat_slices_*`.
+//!
+//! Three other ways were compared with the CPU twin on 400 pixels of the demo scene. A single pass that writes
+//! the depths of cores alone, alpha above the threshold, is off by 1.1% of the distance in the mean and by up
+//! to 96%, since thin splats before the surface do not count; it disagrees in 3 of 100 pixels on whether there
+//! is one, and in 30 of 100 on random scenes. Stochastic transparency with 16 samples is off by 0.35% and
+//! noisy. A bisection needs a draw of everything for each bit.
+
+use glam::UVec2;
+use stylegaussian_shaders::splat::{
+    SplatCommands,
+    depth::{self as shaders, N_SLICES, SLICES_SIDE},
+};
+
+use super::{super::layer::LAYER_FORMAT, uniform_binding, uniforms_of};
+use crate::{
+    bindings::{Kernel, bind_group, pipeline_layout, shader_module, storage_binding},
+    buffers,
+};
+
+/// The pipelines.
+#[derive(Debug)]
+pub(super) struct Slices {
+    commands: Kernel,
+    draw: wgpu::RenderPipeline,
+    cross: Kernel,
+}
+
+/// The sorted records of a view.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::splat) struct Sorted<'a> {
+    pub counts: &'a wgpu::Buffer,
+    pub record_indices: &'a wgpu::Buffer,
+    pub color_halves: &'a wgpu::Buffer,
+}
+
+/// The moments of one view, and its bindings.
+#[derive(Debug)]
+pub(super) struct ViewSlices {
+    size: UVec2,
+    moments: wgpu::TextureView,
+    /// `SplatCommands` of a slice.
+    draw: wgpu::Buffer,
+    commands: wgpu::BindGroup,
+    cross: wgpu::BindGroup,
+    /// The buffer that tells the view's buffers from others.
+    of: wgpu::Buffer,
+}
+
+impl Slices {
+    /// `draw_layout` is that of the draw's group, `read` that of uniforms and iso depths.
+    pub fn new(
+        device: &wgpu::Device,
+        draw_layout: &wgpu::BindGroupLayout,
+        read: &wgpu::BindGroupLayout,
+    ) -> Self {
+        let moments = wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: false },
+            view_dimension: wgpu::TextureViewDimension::D2,
+            multisampled: false,
+        };
+        let (read_only, write) = (storage_binding(true), storage_binding(false));
+        let cross = [uniform_binding(), read_only, read_only, read_only, moments, write];
+        Self {
+            commands: Kernel::new(device, shaders::slices_commands(), &[read_only, write]),
+            draw: render_pipeline(device, &[draw_layout, read]),
+            cross: Kernel::new(device, shaders::slices_cross(), &cross),
+        }
+    }
+
+    /// Finds the iso depths of the sorted splats in `draw_group`.
+    pub fn encode(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        view: &ViewSlices,
+        draw_group: &wgpu::BindGroup,
+        read: &wgpu::BindGroup,
+        uniform_stride: usize,
+    ) {
+        let compute = wgpu::ComputePassDescriptor { label: Some("splat_slices"), timestamp_writes: None };
+        let mut pass = encoder.begin_compute_pass(&compute);
+        pass.set_pipeline(&self.commands.pipeline);
+        pass.set_bind_group(0, &view.commands, &[]);
+        pass.dispatch_workgroups(1, 1, 1);
+        drop(pass);
+        for slice in 0..N_SLICES {
+            let offset = slice * uniform_stride as u32;
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("splat_slices_draw"),
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view: &view.moments,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                        store: wgpu::StoreOp::Store,
+                    },
+                })],
+                ..Default::default()
+            });
+            pass.set_pipeline(&self.draw);
+            pass.set_bind_group(0, draw_group, &[]);
+            pass.set_bind_group(1, read, &[offset]);
+            pass.draw_indirect(&view.draw, std::mem::offset_of!(SplatCommands, n_vertices) as u64);
+            drop(pass);
+            let mut pass = encoder.begin_compute_pass(&compute);
+            pass.set_pipeline(&self.cross.pipeline);
+            pass.set_bind_group(0, &view.cross, &[offset]);
+            let groups = view.size.map(|side| side.div_ceil(SLICES_SIDE));
+            pass.dispatch_workgroups(groups.x, groups.y, 1);
+        }
+    }
+}
+
+impl ViewSlices {
+    /// For a viewport of `size` pixels. `uniforms` and `depths` are those of its iso depths.
+    pub fn new(
+        device: &wgpu::Device,
+        slices: &Slices,
+        sorted: Sorted,
+        size: UVec2,
+        (uniforms, depths): (&wgpu::Buffer, &wgpu::Buffer),
+    ) -> Self {
+        let moments = device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("splat_moments"),
+            size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: LAYER_FORMAT,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        });
+        let moments = moments.create_view(&wgpu::TextureViewDescriptor::default());
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT;
+        let draw = buffers::create(device, "splat_slices", size_of::<SplatCommands>() as u64, usage);
+        let commands = slices.commands.bind(device, &[sorted.counts, &draw]);
+        let resources = [
+            uniforms_of(uniforms),
+            sorted.counts.as_entire_binding(),
+            sorted.record_indices.as_entire_binding(),
+            sorted.color_halves.as_entire_binding(),
+            wgpu::BindingResource::TextureView(&moments),
+            depths.as_entire_binding(),
+        ];
+        let cross = bind_group(device, slices.cross.label, &slices.cross.layout, &resources);
+        Self { size, moments, draw, commands, cross, of: sorted.counts.clone() }
+    }
+
+    /// Whether it was made for these buffers.
+    pub fn fits(&self, sorted: &Sorted) -> bool {
+        self.of == *sorted.counts
+    }
+}
+
+/// The draw of a slice: premultiplied under.
+fn render_pipeline(device: &wgpu::Device, groups: &[&wgpu::BindGroupLayout]) -> wgpu::RenderPipeline {
+    let source = shaders::slices_draw();
+    let layout = pipeline_layout(device, source.label, groups);
+    let module = &shader_module(device, source);
+    let compilation_options = wgpu::PipelineCompilationOptions::default();
+    let under = wgpu::BlendComponent {
+        src_factor: wgpu::BlendFactor::OneMinusDstAlpha,
+        dst_factor: wgpu::BlendFactor::One,
+        operation: wgpu::BlendOperation::Add,
+    };
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("splat_slices_draw"),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some("splat_slices_draw_vertex"),
+            compilation_options: compilation_options.clone(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState {
+            topology: wgpu::PrimitiveTopology::TriangleStrip,
+            ..Default::default()
+        },
+        depth_stencil: None,
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module,
+            entry_point: Some("splat_slices_draw_fragment"),
+            compilation_options,
+            targets: &[Some(wgpu::ColorTargetState {
+                format: LAYER_FORMAT,
+                blend: Some(wgpu::BlendState { color: under, alpha: under }),
+                write_mask: wgpu::ColorWrites::ALL,
+            })],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
