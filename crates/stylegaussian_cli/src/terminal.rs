@@ -235,6 +235,11 @@ mod tests {
     }
 
     #[test]
+    fn a_bar_ends_with_what_is_computed_under_it() {
+        assert_eq!(with_bar("{percent}", |work| work.at(0.5)), Ok(()));
+    }
+
+    #[test]
     fn usage_errors_point_to_the_help() {
         assert!(usage_error("a and b").to_string().contains("--help"));
     }
