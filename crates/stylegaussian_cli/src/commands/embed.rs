@@ -193,10 +193,15 @@ impl EmbedArgs {
     }
 
     fn training_views(&self, scene: &Scene) -> Result<Vec<TrainingView>> {
-        let options = CameraOptions { size: Some(UVec2::splat(self.size)), offset: scene.offset };
+        let options = CameraOptions {
+            size: Some(UVec2::splat(self.size)),
+            offset: scene.offset,
+            undistorts: self.photos.is_some(),
+        };
         if let Some(folder) = &self.photos {
             let view = |posed: PosedCamera| {
-                Ok(TrainingView::photo(posed.require_photo()?.into(), &posed.camera, self.size))
+                let photo = posed.require_photo()?.into();
+                Ok(TrainingView::photo(photo, &posed.camera, posed.distortion, self.size))
             };
             // A photo that is missing gives no size, and its camera is left out.
             let set = read_cameras_with(folder, options)?;
