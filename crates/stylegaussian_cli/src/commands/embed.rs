@@ -46,7 +46,8 @@ pub struct EmbedArgs {
     #[arg(short, long, value_name = "OUT.sgs")]
     output: PathBuf,
     /// Learn from photos: a folder with transforms.json, a COLMAP model or 3DGS cameras.json, and the photos it
-    /// names. Photos that are missing are left out, if they are at most half.
+    /// names. Photos that are missing are left out, if they are at most half. The distortion of lenses is taken
+    /// out of them.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["cameras", "views", "frame"])]
     photos: Option<PathBuf>,
     /// Learn from pictures of the scene itself, from these cameras: transforms.json, a COLMAP model or 3DGS
