@@ -73,3 +73,29 @@ fn other_proportions_are_an_error_that_names_both() {
         }
     }
 }
+
+/// Four fields of 16 pixels, as printers store them (CMYK), and as the first of two pictures, as cameras of two
+/// lenses do (MPO).
+#[test]
+fn photos_in_inks_and_of_two_pictures_are_read() {
+    for (name, bytes) in [
+        ("cmyk.jpg", &include_bytes!("data/cmyk.jpg")[..]),
+        ("two_pictures.jpg", include_bytes!("data/two_pictures.jpg")),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let found = Image::open_photo(&path, (64, 64)).unwrap();
+        assert_eq!((found.image.width, found.image.height, found.warning), (32, 32, None), "{name}");
+        for (x, y, expected) in [
+            (4, 4, [1.0, 0.0, 0.0]),
+            (20, 4, [0.0, 1.0, 0.0]),
+            (4, 20, [0.0, 0.0, 1.0]),
+            (20, 20, [0.2, 0.4, 0.6]),
+        ] {
+            for (found, expected) in found.image.rgb[3 * (32 * y + x)..].iter().zip(expected) {
+                assert!((found - expected).abs() < 0.02, "{name}: {found} at {x}, {y}");
+            }
+        }
+    }
+}

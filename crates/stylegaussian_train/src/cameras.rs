@@ -2,9 +2,10 @@
 //!
 //! Every camera comes out as a pinhole in our axes (x right, y down, z forward), in the file's world, or from
 //! the origin of a scene that is far from that world's. The formats, one module each: `transforms`, `colmap`,
-//! `three_dgs`; `posed` and `photos` have their common parts.
+//! `three_dgs`; `posed`, `photos` and `distortion` have their common parts.
 
 mod colmap;
+mod distortion;
 mod photos;
 mod posed;
 #[cfg(test)]
@@ -17,6 +18,7 @@ use std::{fs, path::Path};
 use glam::UVec2;
 use stylegaussian::Camera;
 
+pub use distortion::Distortion;
 pub(crate) use posed::utf8;
 pub use posed::{CameraOptions, CameraSet, CamerasError, PosedCamera};
 use posed::{invalid, parse, read};
@@ -28,7 +30,7 @@ use posed::{invalid, parse, read};
 ///
 /// # Errors
 /// If the file is missing, truncated or malformed, a pose is not rigid, the lens is no pinhole (distortion
-/// alone is only a warning), or the file has no camera.
+/// alone is only a warning, or taken out of photos), or the file has no camera.
 pub fn read_cameras(path: &Path) -> Result<CameraSet, CamerasError> {
     read_cameras_with(path, CameraOptions::default())
 }
@@ -39,9 +41,13 @@ pub fn read_cameras(path: &Path) -> Result<CameraSet, CamerasError> {
 /// As [`read_cameras`].
 pub fn read_cameras_with(path: &Path, options: CameraOptions) -> Result<CameraSet, CamerasError> {
     let metadata = fs::metadata(path).map_err(|source| CamerasError::Io { path: path.into(), source })?;
-    let set = if metadata.is_dir() { read_folder(path, options) } else { read_file(path, options) }?;
+    let mut set = if metadata.is_dir() { read_folder(path, options) } else { read_file(path, options) }?;
     if set.cameras.is_empty() {
         return Err(invalid(path, "cameras", "none", "at least one"));
+    }
+    match options.undistorts {
+        true => set.undistort(path)?,
+        false => set.tell_distortion(path),
     }
     Ok(set)
 }

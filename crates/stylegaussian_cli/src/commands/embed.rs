@@ -46,7 +46,8 @@ pub struct EmbedArgs {
     #[arg(short, long, value_name = "OUT.sgs")]
     output: PathBuf,
     /// Learn from photos: a folder with transforms.json, a COLMAP model or 3DGS cameras.json, and the photos it
-    /// names. Photos that are missing are left out, if they are at most half.
+    /// names. Photos that are missing are left out, if they are at most half. The distortion of lenses is taken
+    /// out of them.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["cameras", "views", "frame"])]
     photos: Option<PathBuf>,
     /// Learn from pictures of the scene itself, from these cameras: transforms.json, a COLMAP model or 3DGS
@@ -193,10 +194,15 @@ impl EmbedArgs {
     }
 
     fn training_views(&self, scene: &Scene) -> Result<Vec<TrainingView>> {
-        let options = CameraOptions { size: Some(UVec2::splat(self.size)), offset: scene.offset };
+        let options = CameraOptions {
+            size: Some(UVec2::splat(self.size)),
+            offset: scene.offset,
+            undistorts: self.photos.is_some(),
+        };
         if let Some(folder) = &self.photos {
             let view = |posed: PosedCamera| {
-                Ok(TrainingView::photo(posed.require_photo()?.into(), &posed.camera, self.size))
+                let photo = posed.require_photo()?.into();
+                Ok(TrainingView::photo(photo, &posed.camera, posed.distortion, self.size))
             };
             // A photo that is missing gives no size, and its camera is left out.
             let set = read_cameras_with(folder, options)?;

@@ -214,7 +214,8 @@ impl RenderArgs {
     fn cameras(&self, scene: &Scene) -> Result<Vec<(Camera, f64)>> {
         let cameras = match &self.cameras {
             Some(path) => {
-                let options = CameraOptions { size: self.size, offset: scene.offset };
+                let options =
+                    CameraOptions { size: self.size, offset: scene.offset, ..CameraOptions::default() };
                 let cameras = cameras_of_file(path, options)?;
                 cameras.into_iter().map(|camera| camera.near_among(&scene.means)).collect()
             }

@@ -31,7 +31,11 @@ impl Header {
         let n_declared = check_lines(&text)?;
         let text = without_prefixes(&text);
         let parsed = Parser::<DefaultElement>::new().read_header(&mut text.as_bytes()).map_err(|error| {
-            mismatch(format_args!("a header that does not parse ({error})"), "a PLY header")
+            // ply-rs names the line, and then on further lines all that could stand there.
+            let error = error.to_string();
+            let line = error.split("\n\tError").next().unwrap_or_default();
+            let line = line.split_whitespace().collect::<Vec<_>>().join(" ");
+            mismatch(format_args!("a header that does not parse ({line})"), "a PLY header")
         })?;
         let n_parsed: usize = parsed.elements.values().map(|element| 1 + element.properties.len()).sum();
         // ply-rs keeps elements and properties in maps, so that one declared twice is lost.

@@ -6,7 +6,7 @@ mod binary;
 mod text;
 
 use std::{
-    collections::{BTreeSet, HashMap},
+    collections::HashMap,
     fs,
     path::{Path, PathBuf},
 };
@@ -14,6 +14,7 @@ use std::{
 use glam::{DAffine3, DQuat, DVec2, DVec3, UVec2};
 
 use super::{
+    distortion::Distortion,
     photos::photo_paths,
     posed::{CameraSet, CamerasError, Intrinsics, PosedCamera, invalid},
 };
@@ -130,7 +131,6 @@ pub(super) fn read(folder: &Path, offset: DVec3) -> Result<CameraSet, CamerasErr
 
     let names: Vec<&str> = images.iter().map(|image| image.name.as_str()).collect();
     let photos = photo_paths(&[photo_folder(folder)], &names);
-    let mut distorted = BTreeSet::new();
     let mut cameras = Vec::new();
     for (image, photo) in images.into_iter().zip(photos) {
         let what = format!("image {}", image.name);
@@ -142,16 +142,13 @@ pub(super) fn read(folder: &Path, offset: DVec3) -> Result<CameraSet, CamerasErr
                 "a known camera",
             ));
         };
-        // Models that are no pinholes at all are refused by `intrinsics` below.
-        if lens.is_distorted() {
-            distorted.insert(lens.model.name);
-        }
         let pose = image.pose(&images_path, &what)?;
-        let camera = lens.intrinsics(&images_path, &what)?.camera(pose, offset, &images_path, &what)?;
-        cameras.push(PosedCamera { name: image.name, camera, photo: Some(photo) });
+        let intrinsics = lens.intrinsics(&images_path, &what)?;
+        let camera = intrinsics.camera(pose, offset, &images_path, &what)?;
+        let distortion = lens.distortion(intrinsics);
+        cameras.push(PosedCamera { name: image.name, camera, photo: Some(photo), distortion });
     }
-    let warning = |model| format!("{}: the distortion of {model} cameras is ignored", folder.display());
-    Ok(CameraSet { cameras, warnings: distorted.into_iter().map(warning).collect() })
+    Ok(CameraSet { cameras, warnings: Vec::new() })
 }
 
 fn photo_folder(model: &Path) -> PathBuf {
@@ -179,10 +176,19 @@ impl Image {
 }
 
 impl Lens {
-    fn is_distorted(&self) -> bool {
+    /// The distortion of a model that is a pinhole apart from it.
+    fn distortion(&self, Intrinsics { focal, center, size }: Intrinsics) -> Option<Distortion> {
         // Focal lengths and the principal point come first. Distortion follows.
         let n_pinhole = self.model.n_focal.map_or(0, |n| n + 2);
-        self.parameters[n_pinhole..].iter().any(|&k| k != 0.0)
+        let (radial, tangential, rational) = match self.parameters[n_pinhole..] {
+            [k1] => ([k1, 0.0, 0.0, 0.0], [0.0; 2], [0.0; 3]),
+            [k1, k2] => ([k1, k2, 0.0, 0.0], [0.0; 2], [0.0; 3]),
+            [k1, k2, p1, p2] => ([k1, k2, 0.0, 0.0], [p1, p2], [0.0; 3]),
+            [k1, k2, p1, p2, k3, k4, k5, k6] => ([k1, k2, k3, 0.0], [p1, p2], [k4, k5, k6]),
+            _ => return None,
+        };
+        let lens = Distortion { focal, center, size, radial, rational, tangential };
+        lens.is_any().then_some(lens)
     }
 
     /// The posed camera. `what` names the image in errors about `path`.

@@ -9,6 +9,8 @@ use std::{
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec2, DVec3, UVec2};
 use stylegaussian::Camera;
 
+use super::distortion::Distortion;
+
 /// Facts that a file of cameras does not tell.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CameraOptions {
@@ -18,6 +20,11 @@ pub struct CameraOptions {
     /// The [`offset`](stylegaussian::Scene::offset) of the scene that they see, whose source has the file's
     /// world. Cameras count from the scene's origin, as its means do.
     pub offset: DVec3,
+    /// Whether the cameras are those of photos without distortion, as [`TrainingView::photo`] takes them.
+    /// Otherwise distortion is ignored, with a warning.
+    ///
+    /// [`TrainingView::photo`]: crate::embed::TrainingView::photo
+    pub undistorts: bool,
 }
 
 /// One camera of a capture.
@@ -29,6 +36,8 @@ pub struct PosedCamera {
     pub camera: Camera,
     /// The path at which the photo should be, not checked. `None` if the file names no photo.
     pub photo: Option<PathBuf>,
+    /// The lens of the photo, if it is distorted.
+    pub distortion: Option<Distortion>,
 }
 
 impl PosedCamera {
@@ -52,6 +61,50 @@ pub struct CameraSet {
     pub cameras: Vec<PosedCamera>,
     /// Warnings for people, e.g. that lens distortion is ignored.
     pub warnings: Vec<String>,
+}
+
+impl CameraSet {
+    /// Makes the cameras those of photos without distortion, and tells what these lose. Focal lengths stay, so
+    /// what is seen stays where it is, but for the edges.
+    pub(super) fn undistort(&mut self, path: &Path) -> Result<(), CamerasError> {
+        // Most captures have one lens.
+        let mut last = None;
+        let (mut n, mut most) = (0, 0.0f64);
+        for posed in &mut self.cameras {
+            let Some(lens) = posed.distortion else { continue };
+            let filled = match last {
+                Some((of, filled)) if of == lens => filled,
+                _ => lens.filled(),
+            };
+            let Some((corner, size)) = filled else {
+                let found = format!("a distortion of {}", lens.coefficients());
+                return Err(invalid(path, &posed.name, found, "one that leaves half of the picture's sides"));
+            };
+            last = Some((lens, filled));
+            most = most.max(lens.lost(corner, size));
+            n += 1;
+            posed.camera.center -= corner.as_vec2();
+            posed.camera.size = size;
+        }
+        if n > 0 {
+            let lost = 100.0 * most;
+            self.warnings.push(format!(
+                "{}: {n} photos are taken without their lens distortion, and lose at most {lost:.1} % of the \
+                 picture, at its edges",
+                path.display()
+            ));
+        }
+        Ok(())
+    }
+
+    /// Warns if the cameras' distortion is ignored.
+    pub(super) fn tell_distortion(&mut self, path: &Path) {
+        let n = self.cameras.iter().filter(|posed| posed.distortion.is_some()).count();
+        if n > 0 {
+            let path = path.display();
+            self.warnings.push(format!("{path}: the lens distortion of {n} cameras is ignored"));
+        }
+    }
 }
 
 /// Cameras could not be read.

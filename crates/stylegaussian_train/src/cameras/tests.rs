@@ -9,6 +9,7 @@ use super::*;
 
 mod captures;
 mod distant;
+mod distortion;
 mod photos;
 
 /// A folder with these files.

@@ -46,6 +46,8 @@ pub(super) fn read(path: &Path, json: Value, offset: DVec3) -> Result<CameraSet,
             camera: intrinsics.camera(world_from_view.inverse(), offset, path, &what)?,
             photo: (!entry.img_name.is_empty()).then_some(photo),
             name: entry.img_name,
+            // The trainer takes pinholes alone.
+            distortion: None,
         })
     };
     let cameras = entries.into_iter().zip(photos).enumerate().map(camera);

@@ -8,6 +8,7 @@ use serde_json::Value;
 use stylegaussian_encoder::Image;
 
 use super::{
+    distortion::Distortion,
     photos::photo_paths,
     posed::{CameraOptions, CameraSet, CamerasError, Intrinsics, PosedCamera, invalid, picture_size, rigid},
 };
@@ -69,14 +70,13 @@ pub(super) fn read(path: &Path, json: Value, options: CameraOptions) -> Result<C
     let folder = path.parent().unwrap_or(Path::new(""));
     let names: Vec<&str> = file.frames.iter().filter_map(|frame| frame.file_path.as_deref()).collect();
     let mut photos = photo_paths(&[folder.into(), folder.join("images")], &names).into_iter();
-    let (mut n_distorted, mut n_without_size) = (0, 0);
+    let mut n_without_size = 0;
     let mut cameras = Vec::new();
     for (i, frame) in file.frames.iter().enumerate() {
         let name = frame.file_path.clone().unwrap_or_else(|| i.to_string());
         let what = format!("frame {i} ({name})");
         let lens = frame.lens.or(&file.lens);
         lens.expect_pinhole(path, &what)?;
-        n_distorted += usize::from(lens.is_distorted());
         let photo = frame.file_path.as_ref().and_then(|_| photos.next());
         let pose = pose(&frame.transform_matrix, path, &what)?;
         let own_size = lens.size(photo.as_deref(), path, &what);
@@ -88,13 +88,11 @@ pub(super) fn read(path: &Path, json: Value, options: CameraOptions) -> Result<C
             }
             (own_size, _) => own_size?,
         };
-        let camera = lens.intrinsics(pixels, path, &what)?.camera(pose, options.offset, path, &what)?;
-        cameras.push(PosedCamera { name, camera, photo });
+        let intrinsics = lens.intrinsics(pixels, path, &what)?;
+        let camera = intrinsics.camera(pose, options.offset, path, &what)?;
+        cameras.push(PosedCamera { name, camera, photo, distortion: lens.distortion(intrinsics) });
     }
     let mut warnings = Vec::new();
-    if n_distorted > 0 {
-        warnings.push(format!("{}: the lens distortion of {n_distorted} cameras is ignored", path.display()));
-    }
     if let Some(size) = options.size.filter(|_| n_without_size > 0) {
         warnings.push(format!(
             "{}: {n_without_size} cameras have neither w and h nor a photo, their pictures are taken as {}x{}",
@@ -176,8 +174,12 @@ impl Lens {
         }
     }
 
-    fn is_distorted(&self) -> bool {
-        [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2].into_iter().flatten().any(|k| k != 0.0)
+    fn distortion(&self, Intrinsics { focal, center, size }: Intrinsics) -> Option<Distortion> {
+        let or_0 = |k: Option<f64>| k.unwrap_or(0.0);
+        let radial = [self.k1, self.k2, self.k3, self.k4].map(or_0);
+        let tangential = [self.p1, self.p2].map(or_0);
+        let lens = Distortion { focal, center, size, radial, rational: [0.0; 3], tangential };
+        lens.is_any().then_some(lens)
     }
 
     fn intrinsics(&self, size: UVec2, path: &Path, what: &str) -> Result<Intrinsics, CamerasError> {

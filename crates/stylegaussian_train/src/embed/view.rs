@@ -12,6 +12,8 @@ use stylegaussian_encoder::{
     image::{MIN_SIDE, Warned},
 };
 
+use crate::cameras::Distortion;
+
 /// Background of rendered views: white, as paper. Encoders see it in cells at the silhouette.
 const BACKGROUND: f32 = 1.0;
 
@@ -37,23 +39,25 @@ pub enum Picture {
     Photo {
         /// The file.
         path: PathBuf,
-        /// The size of the camera's pictures, in pixels. The photo has the same proportions.
-        size: UVec2,
+        /// The camera before it was scaled. The photo has the proportions of its pictures, or of the lens.
+        camera: Camera,
+        /// The lens, if the camera is that of the photo without distortion.
+        distortion: Option<Distortion>,
     },
     /// The scene itself, over white.
     Rendered,
 }
 
 impl TrainingView {
-    /// A photo, scaled to `longer_side` pixels if it is larger.
-    pub fn photo(path: PathBuf, camera: &Camera, longer_side: u32) -> Self {
+    /// A photo, scaled to `longer_side` pixels if it is larger. If it has a distortion, that is taken out.
+    pub fn photo(path: PathBuf, camera: &Camera, distortion: Option<Distortion>, longer_side: u32) -> Self {
         // Enlarging adds no detail, and costs time in proportion to the area.
         let longer_side = longer_side.min(camera.size.max_element());
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Self {
             name,
             camera: fitted(camera, longer_side),
-            picture: Picture::Photo { path, size: camera.size },
+            picture: Picture::Photo { path, camera: camera.clone(), distortion },
         }
     }
 
@@ -69,8 +73,13 @@ impl TrainingView {
     pub fn load(&self, scene: &Scene) -> Result<Warned, ImageError> {
         let size = self.camera.size;
         match &self.picture {
-            Picture::Photo { path, size: of_camera } => {
-                let Warned { image, warning } = Image::open_photo(path, (*of_camera).into())?;
+            Picture::Photo { path, camera, distortion } => {
+                let of_photo = distortion.map_or(camera.size, |lens| lens.size);
+                let Warned { image, warning } = Image::open_photo(path, of_photo.into())?;
+                let image = match distortion {
+                    Some(lens) => lens.undistorted(&image, camera),
+                    None => image,
+                };
                 Ok(Warned { image: image.resized(size.x, size.y), warning })
             }
             Picture::Rendered => {
@@ -122,7 +131,7 @@ mod tests {
         let path = folder.path().join("a.png");
         let red_left = |x, _| if x < photo.x / 2 { Rgb([255, 0, 0]) } else { Rgb([0, 0, 255]) };
         RgbImage::from_fn(photo.x, photo.y, red_left).save(&path).unwrap();
-        let view = TrainingView::photo(path, &camera(size), 64);
+        let view = TrainingView::photo(path, &camera(size), None, 64);
         Ok(view.load(&Scene::default())?.image)
     }
 
