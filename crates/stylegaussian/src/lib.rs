@@ -32,6 +32,7 @@ pub mod frame;
 pub mod layers;
 pub mod look;
 pub mod mask;
+pub mod mesh;
 pub mod morton;
 pub mod neighbors;
 pub mod noise;

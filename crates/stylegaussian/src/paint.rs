@@ -24,13 +24,15 @@
 //! copies), `detail` (the textures), `tints` (the colors), `canvas` (all that depends on the painting alone),
 //! `collection` (which of several paintings a seed takes), `places` (where in it), `choice` (both), `pins`
 //! (places that are given), `proofs` and `bands` (how much detail pictures show), `balance` (the gains), `tone`
-//! (dark and bright), `grade` (the colors under strokes), `lay` (all of it), `redraw` (pictures that change).
+//! (dark and bright), `grade` (the colors under strokes), `lay` (all of it), `company` (scenes that
+//! stand beside a painted one), `redraw` (pictures that change).
 
 mod balance;
 mod bands;
 mod canvas;
 mod choice;
 mod collection;
+mod company;
 mod detail;
 mod frames;
 mod grade;
@@ -54,8 +56,9 @@ mod tone;
 mod used;
 
 pub use canvas::Canvas;
+pub use company::Company;
 pub use hand::Hand;
-pub use lay::{Painted, lay, recolored};
+pub use lay::{Painted, lay, lay_beside, recolored};
 pub use painting::{AreaError, MAX_PIXELS, Paint, pixels_of};
 pub use pins::{OtherScene, Pin, PinError, StoredPins, pin};
 pub use surface::Surface;

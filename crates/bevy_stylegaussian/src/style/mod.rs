@@ -62,6 +62,12 @@ pub use wish::relief::{PaintLight, StyleRelief};
 pub use wish::settings::StyleMethod;
 pub use wish::source::{HiddenUntilStyled, StyleInput, StyleSource, WeightedStyle};
 
+#[cfg(feature = "meshes")]
+pub(crate) use {
+    make::{brushwork::Brushwork, inputs::Inputs as StyleInputs, job::StyleJobs, shared::SharedStyle},
+    wish::event::StyleEvents,
+};
+
 use decoder::{GaussianDecoder, StyleBackend, StyleBudget, StyleDecoder};
 
 /// Styles the entities that show a scene.
