@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use bevy::{material::OpaqueRendererMethod, prelude::*};
 use stylegaussian::{
     mesh::{MeshPaint, SPACING, Split, Spots, spacing_alone},
-    strokes::Strokes,
+    strokes::{FINE_SIDE, StrokeTexture, Strokes, WIDE_SIDE},
     work::{Canceled, Work},
 };
 
@@ -113,7 +113,15 @@ impl SharedPaint {
             Ok(Err(error)) => return Some(Err(Arc::clone(error))),
             Err(Canceled) => return Some(Err(Arc::new(StyleError::Ended))),
         };
-        let [fine, wide] = into.paintings.get(&made.strokes.textures, into.images);
+        let mut textures = made.strokes.textures;
+        if textures.is_empty() {
+            // Without strokes, no seed has a gain.
+            textures.push(Arc::new(StrokeTexture::new(
+                vec![Vec3::ZERO; FINE_SIDE * FINE_SIDE],
+                vec![Vec3::ZERO; WIDE_SIDE * WIDE_SIDE],
+            )));
+        }
+        let [fine, wide] = into.paintings.get(&textures, into.images);
         let seeds = into.images.add(seeds_image(&made.strokes.seeds));
         let Factors { strokes, shown } = factors;
         let extension = MeshStrokes { strokes, shown, fine, wide, seeds };

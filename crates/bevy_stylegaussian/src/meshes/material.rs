@@ -5,8 +5,9 @@ use bevy::{
     mesh::{MeshVertexAttribute, MeshVertexBufferLayoutRef, VertexFormat},
     pbr::{ExtendedMaterial, MaterialExtension, MaterialExtensionKey, MaterialExtensionPipeline},
     prelude::*,
+    reflect::TypePath,
     render::render_resource::{AsBindGroup, RenderPipelineDescriptor, SpecializedMeshPipelineError},
-    shader::ShaderRef,
+    shader::{Shader, ShaderRef},
 };
 use stylegaussian::strokes::StrokeKnobs;
 

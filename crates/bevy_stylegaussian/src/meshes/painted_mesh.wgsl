@@ -82,8 +82,8 @@ struct Paint {
     @location(9) last_place_and_shares: vec4<f32>,
     @location(10) painted_and_protection: vec4<f32>,
     @location(11) own_and_share: vec4<f32>,
-    /// Gains of each corner's seed, as two f16, and in the last number which corners have one seed: a bit for
-    /// the first two, one for the last two, and one for the last and the first.
+    /// Gains of each corner's seed, fractions of 16 bits of `MAX_GAIN`, and in the last number which corners have
+    /// one seed: a bit for the first two, one for the last two, and one for the last and the first.
     @location(12) @interpolate(flat) seeds: vec4<u32>,
     @location(13) @interpolate(flat) layers: vec3<u32>,
 }
@@ -187,7 +187,7 @@ fn vertex(at_rest: Vertex, paint: PaintedVertex) -> PaintedVertexOutput {
     out.own_and_share = vec4(paint.own, shown.y);
     let same = vec3<u32>(numbers == numbers.yzx);
     out.seeds = vec4(
-        pack2x16float(a.gains), pack2x16float(b.gains), pack2x16float(c.gains),
+        pack2x16unorm(a.gains / MAX_GAIN), pack2x16unorm(b.gains / MAX_GAIN), pack2x16unorm(c.gains / MAX_GAIN),
         same.x | (same.y << 1u) | (same.z << 2u),
     );
     out.layers = vec3(a.layer, b.layer, c.layer);
@@ -238,19 +238,19 @@ fn strokes_of(paint: Paint, world_x: vec3<f32>, world_y: vec3<f32>) -> Strokes {
     let same = vec3<f32>((vec3(paint.seeds.w) >> vec3(0u, 1u, 2u)) & vec3(1u));
     let weights = mesh_weights(shares, same);
     let open = mesh_open(paint.painted_and_protection.w, mesh_factors.strokes.y);
-    let factor = mesh_factors.strokes.x * paint.own_and_share.w * open;
+    let factor = MAX_GAIN * mesh_factors.strokes.x * paint.own_and_share.w * open;
     let world_area = length(cross(world_x, world_y));
     let a = strokes_of_seed(
         paint.places.xy, places_x.xy, places_y.xy, paint.layers.x,
-        weights.x * factor * unpack2x16float(paint.seeds.x), world_area,
+        weights.x * factor * unpack2x16unorm(paint.seeds.x), world_area,
     );
     let b = strokes_of_seed(
         paint.places.zw, places_x.zw, places_y.zw, paint.layers.y,
-        weights.y * factor * unpack2x16float(paint.seeds.y), world_area,
+        weights.y * factor * unpack2x16unorm(paint.seeds.y), world_area,
     );
     let c = strokes_of_seed(
         paint.last_place_and_shares.xy, last_x, last_y, paint.layers.z,
-        weights.z * factor * unpack2x16float(paint.seeds.z), world_area,
+        weights.z * factor * unpack2x16unorm(paint.seeds.z), world_area,
     );
     return Strokes(a.detail + b.detail + c.detail, a.rise + b.rise + c.rise);
 }

@@ -181,7 +181,7 @@ pub(super) fn want_paint(
             painting.follow(&mut commands, entity, mesh, material);
             match &wanted.wish {
                 Wish::Paint(brushwork) => {
-                    painting.want(brushwork, &wanted, place, (&mut *paints, &originals, &styles.workers));
+                    painting.want(brushwork, &wanted, place, (&mut *paints, &originals, &*styles.workers));
                 }
                 Wish::Failed(error) => painting.fail(entity, error, &mut events),
                 Wish::Plain | Wish::Same => {}
