@@ -82,8 +82,8 @@ struct Paint {
     @location(9) last_place_and_shares: vec4<f32>,
     @location(10) painted_and_protection: vec4<f32>,
     @location(11) own_and_share: vec4<f32>,
-    /// Gains of each corner's seed, fractions of 16 bits of `MAX_GAIN`, and in the last number which corners have
-    /// one seed: a bit for the first two, one for the last two, and one for the last and the first.
+    /// Gains of each corner's seed, fractions of 16 bits of `MAX_GAIN`, and in the last number which corners
+    /// have one seed: a bit for the first two, one for the last two, and one for the last and the first.
     @location(12) @interpolate(flat) seeds: vec4<u32>,
     @location(13) @interpolate(flat) layers: vec3<u32>,
 }

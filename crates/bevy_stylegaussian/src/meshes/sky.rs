@@ -34,10 +34,11 @@ const SAMPLES: i32 = 8;
 /// Paints the `Skybox` of a camera as a capture is painted: clouds and the horizon stay, and strokes have no
 /// seams. If the component is removed, the sky is as it was.
 ///
-/// It is painted anew in the background if it is another image or the capture's style changes, in strokes that are as
-/// large as the painting's if the sky is seen at 512 pixels and 45 degrees. The factors of the source are not
-/// followed. The image is a cube map of six layers whose pixels are in main memory, and light above 1 is cut
-/// off. [`StyleApplied`](crate::StyleApplied) or [`StyleFailed`](crate::StyleFailed) is sent for the camera.
+/// It is painted anew in the background if it is another image or the capture's style changes, in strokes that
+/// are as large as the painting's if the sky is seen at 512 pixels and 45 degrees. The factors of the source
+/// are not followed. The image is a cube map of six layers whose pixels are in main memory, and light above 1
+/// is cut off. [`StyleApplied`](crate::StyleApplied) or [`StyleFailed`](crate::StyleFailed) is sent for the
+/// camera.
 ///
 /// A sky that is a mesh is painted by [`StyledMesh`](crate::StyledMesh).
 ///

@@ -9,7 +9,7 @@ use bevy::{
 use stylegaussian::strokes::{FINE_SIDE, StrokeTexture};
 
 use crate::{
-    GaussianSplats, StyleApplied, StyleFailed, StyleSource, StyleStatistics, StyledMesh,
+    GaussianSplats, StyleApplied, StyleFailed, StyleSource, StyleStatistics, StyledMesh, StyledSky,
     style::decoder::StyleBackend,
 };
 
@@ -181,6 +181,27 @@ fn what_cannot_be_painted_says_so_once_and_stays() {
     (0..5).for_each(|_| app.update());
     assert!(drain::<StyleFailed>(&mut app).is_empty());
     assert!(mesh_of(&app, entity) == lines && is_plain(&app, entity));
+}
+
+#[test]
+fn a_sky_that_is_no_cube_map_says_so_once_and_stays() {
+    let mut app = app();
+    let garden = capture(&mut app);
+    let image = add(&mut app, noise(3, [10, 20, 30], [200, 210, 220]));
+    let sky = Skybox { image: Some(image.clone()), ..default() };
+    let camera = app.world_mut().spawn((sky, StyledSky::like(garden))).id();
+    let mut failures = Vec::new();
+    update_until(&mut app, "a failure", |world| {
+        failures.extend(world.resource_mut::<Messages<StyleFailed>>().drain());
+        !failures.is_empty()
+    });
+    let error = failures[0].error.to_string();
+    assert!(failures[0].entity == camera && error.contains("64 x 64 texels in 1 layers"), "{error}");
+    (0..5).for_each(|_| app.update());
+    assert!(drain::<StyleFailed>(&mut app).is_empty());
+    app.world_mut().entity_mut(camera).remove::<StyledSky>();
+    app.update();
+    assert_eq!(app.world().get::<Skybox>(camera).unwrap().image, Some(image));
 }
 
 /// A square that fills the picture, painted: the picture has the painting's contrast, and the shader is valid.

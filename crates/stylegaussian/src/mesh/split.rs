@@ -9,6 +9,10 @@ use crate::work::{Canceled, Work};
 /// Gaussians takes about two seconds on two cores. A mesh that has more is not split.
 pub const MAX_TRIANGLES: usize = 1 << 18;
 
+/// Vertices are no farther from the origin than this along an axis: the fourth power of a distance is a number
+/// then.
+const FARTHEST: f32 = 1e9;
+
 /// Factor of the longest edge if there would be too many triangles.
 const COARSER: f32 = std::f32::consts::SQRT_2;
 
@@ -26,7 +30,8 @@ pub struct Split {
 impl Split {
     /// Splits `triangles`, which number the vertices at `positions`, until no edge is longer than `longest`, or
     /// until there are [`MAX_TRIANGLES`]. Edges are split in the middle, whichever triangle they belong to, so
-    /// there are no gaps. Triangles are left out that name no vertex, or one that is not finite.
+    /// there are no gaps. Triangles are left out that name no vertex, or one that is not finite, or farther away
+    /// than a billion units.
     ///
     /// # Errors
     /// If `work` is canceled.
@@ -36,8 +41,10 @@ impl Split {
         longest: f32,
         work: &Work,
     ) -> Result<Self, Canceled> {
-        let is_finite = |i: &u32| positions.get(*i as usize).is_some_and(|at| at.is_finite());
-        let triangles = triangles.into_iter().filter(|corners| corners.iter().all(is_finite)).collect();
+        // Comparisons with NaN are false.
+        let is_near = |at: &Vec3| at.abs().cmple(Vec3::splat(FARTHEST)).all();
+        let is_there = |i: &u32| positions.get(*i as usize).is_some_and(is_near);
+        let triangles = triangles.into_iter().filter(|corners| corners.iter().all(is_there)).collect();
         let mut split = Self { positions, triangles, parents: Vec::new() };
         let mut longest = longest;
         // NaN is not above 0 either.
