@@ -49,7 +49,7 @@ pub(super) struct MeshStrokes {
     #[texture(103, dimension = "2d_array")]
     pub(super) wide: Handle<Image>,
     /// The seeds.
-    #[texture(104, sample_type = "float", filterable = false)]
+    #[texture(104, sample_type = "float", filterable = false, visibility(vertex))]
     pub(super) seeds: Handle<Image>,
 }
 

@@ -220,7 +220,9 @@ fn readable(cube: &Image) -> Result<(), String> {
     let size = cube.texture_descriptor.size;
     let (width, height, layers) = (size.width, size.height, size.depth_or_array_layers);
     if layers != 6 || width != height {
-        return Err(format!("found {width} x {height} texels in {layers} layers, expected squares in 6"));
+        return Err(format!(
+            "found {width} x {height} x {layers} texels, expected 6 layers of a square each"
+        ));
     }
     let format = cube.texture_descriptor.format;
     if format.pixel_size().is_err() || cube.get_color_at_3d(0, 0, 5).is_err() {
@@ -288,6 +290,6 @@ mod tests {
         let [red, ..] = color_of(&cube, Vec3::new(1.0, 0.0, 1.0), 0.2);
         assert!(red > 0.1 && red * 255.0 < 159.0, "{red}");
         let flat = Image::default();
-        assert!(readable(&flat).unwrap_err().contains("1 layers"));
+        assert!(readable(&flat).unwrap_err().contains("1 x 1 x 1 texels"));
     }
 }

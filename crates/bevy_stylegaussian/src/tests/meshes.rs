@@ -196,7 +196,7 @@ fn a_sky_that_is_no_cube_map_says_so_once_and_stays() {
         !failures.is_empty()
     });
     let error = failures[0].error.to_string();
-    assert!(failures[0].entity == camera && error.contains("64 x 64 texels in 1 layers"), "{error}");
+    assert!(failures[0].entity == camera && error.contains("64 x 64 x 1 texels"), "{error}");
     (0..5).for_each(|_| app.update());
     assert!(drain::<StyleFailed>(&mut app).is_empty());
     app.world_mut().entity_mut(camera).remove::<StyledSky>();

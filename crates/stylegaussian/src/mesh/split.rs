@@ -30,8 +30,8 @@ pub struct Split {
 impl Split {
     /// Splits `triangles`, which number the vertices at `positions`, until no edge is longer than `longest`, or
     /// until there are [`MAX_TRIANGLES`]. Edges are split in the middle, whichever triangle they belong to, so
-    /// there are no gaps. Triangles are left out that name no vertex, or one that is not finite, or farther away
-    /// than a billion units.
+    /// there are no gaps. Triangles are left out that name no vertex, or one that is not finite, or farther
+    /// away than a billion units.
     ///
     /// # Errors
     /// If `work` is canceled.
