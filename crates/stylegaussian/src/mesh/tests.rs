@@ -130,7 +130,7 @@ fn a_spot_is_a_place_and_a_side() {
     let leaf = split(positions, [[0, 1, 2], [2, 1, 0]], 9.0);
     let normals = vec![Vec3::Z; 4];
     assert_eq!(spots(&leaf).scene.len(), 3, "normals of both sides sum to nothing");
-    let with = Spots::new(&leaf, Some(&normals), &[[0.5; 3]; 4], 9.0, Vec3::Y);
+    let with = Spots::new(&leaf, Some(&normals), &[[0.5; 3]; 4], 0.2, Vec3::Y);
     assert_eq!((with.scene.len(), with.of_vertex[3]), (3, Spots::NONE));
     let (positions, triangles) = cube();
     let cube = spots(&split(positions, triangles, 9.0)).scene;
