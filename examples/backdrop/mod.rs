@@ -1,8 +1,6 @@
 //! A sky for the examples: a large sphere with a vertical color gradient.
 
-use bevy::{
-    asset::RenderAssetUsages, camera::visibility::NoFrustumCulling, mesh::VertexAttributeValues, prelude::*,
-};
+use bevy::{camera::visibility::NoFrustumCulling, mesh::VertexAttributeValues, prelude::*};
 
 /// Radius of the sphere in scene units, larger than everything in the examples.
 const RADIUS: f32 = 400.0;
@@ -23,8 +21,6 @@ pub fn spawn(
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
     let mut mesh = Sphere::new(RADIUS).mesh().uv(32, 96);
-    // Nothing reads the sphere after it is uploaded.
-    mesh.asset_usage = RenderAssetUsages::RENDER_WORLD;
     let positions = mesh.attribute(Mesh::ATTRIBUTE_POSITION).and_then(VertexAttributeValues::as_float3);
     let colors: Vec<_> = positions.into_iter().flatten().map(|p| color_at(p[1] / RADIUS)).collect();
     mesh.insert_attribute(Mesh::ATTRIBUTE_COLOR, colors);

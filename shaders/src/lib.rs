@@ -7,6 +7,7 @@
 //! variant that is ever compiled, and `layouts` every struct that both sides read or write.
 
 pub mod layers;
+pub mod mesh;
 pub mod paint;
 pub mod splat;
 pub mod style;

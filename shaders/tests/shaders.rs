@@ -2,9 +2,13 @@
 
 use std::collections::HashMap;
 
+use glam::{Vec2, Vec3, Vec4};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use stylegaussian::splat::{MAX_ALPHA, MIN_ALPHA};
-use stylegaussian_shaders::{Layout, Source, layers, paint, splat, style};
+use stylegaussian::{
+    splat::{MAX_ALPHA, MIN_ALPHA},
+    strokes::{FINE_SIDE, PlainSeed},
+};
+use stylegaussian_shaders::{Layout, Source, layers, mesh, paint, splat, style};
 
 fn sources() -> Vec<Source> {
     [layers::sources(), paint::sources(), style::sources(), splat::sources()].concat()
@@ -53,6 +57,41 @@ fn every_shader_is_valid() {
         .filter_map(|source| validated(source).err().map(|error| format!("{}:\n{error}", source.label)))
         .collect();
     assert!(failures.is_empty(), "{} invalid shaders\n{}", failures.len(), failures.join("\n"));
+}
+
+/// Those that an engine's shader is joined with have no entry point.
+#[test]
+fn the_strokes_of_meshes_are_valid() {
+    let source = Source { label: "mesh_strokes", wgsl: mesh::strokes() };
+    let module = validated(&source).unwrap_or_else(|error| panic!("{error}"));
+    assert!(module.entry_points.is_empty() && module.global_variables.is_empty());
+}
+
+/// A seed's map from the texels that the functions read is that of its plain numbers.
+#[test]
+fn a_seed_is_whole_in_its_texels() {
+    let seed = PlainSeed {
+        at: Vec3::new(1.0, -2.0, 3.0),
+        right: Vec3::Y,
+        down: Vec3::NEG_Z,
+        pitch: Vec2::new(60.0, 45.0),
+        place: Vec2::new(100.0, 300.0),
+        fine: 1.0,
+        wide: 0.5,
+        texture: 3,
+    };
+    let texels = mesh::seed_texels(&vec![seed.packed(); 300]);
+    assert_eq!(texels.len(), 2 * mesh::TEXELS * mesh::SEEDS_TO_A_ROW);
+    assert_eq!(mesh::seed_texels(&[]).len(), mesh::TEXELS * mesh::SEEDS_TO_A_ROW);
+    let [a, b, c, d] = [0, 1, 2, 3].map(|i| Vec4::from(texels[4 * 299 + i]));
+    let at = Vec3::new(1.1, -1.8, 2.7);
+    let local = at - a.truncate();
+    let found = Vec2::new(b.w, c.w) + Vec2::new(b.truncate().dot(local), c.truncate().dot(local));
+    let along = Vec2::new(seed.right.dot(at - seed.at), seed.down.dot(at - seed.at));
+    let expected = (seed.place + seed.pitch * along) / FINE_SIDE as f32;
+    assert!(found.distance(expected) < 1e-3, "{found} {expected}");
+    assert_eq!(a.w, 3.0);
+    assert!((d.truncate().truncate() - Vec2::new(1.0, 0.5)).abs().max_element() < 0.01);
 }
 
 #[test]

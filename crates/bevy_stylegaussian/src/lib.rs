@@ -27,6 +27,8 @@
 //!   [`StyleMask`] holds weights that are painted at run time, and [`MaskVisibility`] hides painted splats or
 //!   crops to them. [`SplatTint`] changes the colors of all of it at once, and
 //!   [`SplatShadows`] lets meshes cast shadows on it.
+//! - Components of meshes and of skies, with the feature `meshes`: `StyledMesh` and `StyledSky` paint them as a
+//!   capture beside them is.
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`], [`SplatDepth`]; Bevy's `DistanceFog` reaches
 //!   splats, too.
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
@@ -61,6 +63,7 @@
 //! - `bundled_models`: compiles the default decoder in, and with `images` the default encoder, so that a game
 //!   works offline.
 //! - `picking`: pointer events, with Bevy's feature `bevy_picking`.
+//! - `meshes`: meshes and skies in the same paint, `StyledMesh` and `StyledSky`. It implies `pbr`.
 //! - `pbr`: for games that draw meshes with `bevy_pbr`. Without it, transmissive materials may not see splats,
 //!   and there are no fog and no shadows.
 //! - `webp`, `bmp`, `gif` (the first picture) and `tiff`: read images of these formats, with Bevy's features of
@@ -70,6 +73,8 @@
 mod colors;
 mod loader;
 pub mod mask;
+#[cfg(feature = "meshes")]
+mod meshes;
 pub mod picking;
 mod plugin;
 mod reports;
@@ -84,6 +89,8 @@ mod work;
 pub use colors::GaussianSceneReady;
 #[doc(inline)]
 pub use mask::{MaskVisibility, StyleMask};
+#[cfg(feature = "meshes")]
+pub use meshes::{StyledMesh, StyledSky};
 #[doc(inline)]
 pub use picking::SplatRayCast;
 pub use plugin::StyleGaussianPlugin;
@@ -133,6 +140,8 @@ pub mod prelude {
     };
     #[cfg(feature = "refine")]
     pub use crate::{StyleRefine, style::StyleRefined};
+    #[cfg(feature = "meshes")]
+    pub use crate::{StyledMesh, StyledSky};
 }
 
 /// The examples of the repository's README, as doc tests.

@@ -55,6 +55,8 @@ impl Plugin for StyleGaussianPlugin {
         // Scenes first: a style that is requested in the same frame needs the attached scene.
         .configure_sets(PostUpdate, (StyleGaussianSystems::Scenes, StyleGaussianSystems::Styles).chain())
         .add_plugins(StylePlugin);
+        #[cfg(feature = "meshes")]
+        app.add_plugins(crate::meshes::MeshesPlugin);
     }
 
     fn finish(&self, app: &mut App) {

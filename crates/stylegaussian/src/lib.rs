@@ -34,6 +34,7 @@ pub mod layers;
 pub mod light;
 pub mod look;
 pub mod mask;
+pub mod mesh;
 pub mod morton;
 pub mod neighbors;
 pub mod noise;

@@ -25,13 +25,14 @@
 //! `collection` (which of several paintings a seed takes), `places` (where in it), `choice` (both), `direction`
 //! (of strokes, if one is given), `pins` (places that are given), `proofs` and `bands` (how much detail pictures
 //! show), `balance` (the gains), `tone` (dark and bright), `grade` (the colors under strokes), `lay` (all of
-//! it), `redraw` (pictures that change).
+//! it), `company` (scenes that stand beside a painted one), `redraw` (pictures that change).
 
 mod balance;
 mod bands;
 mod canvas;
 mod choice;
 mod collection;
+mod company;
 mod detail;
 mod direction;
 mod frames;
@@ -56,9 +57,10 @@ mod tone;
 mod used;
 
 pub use canvas::Canvas;
+pub use company::Company;
 pub use direction::{Direction, DirectionError};
 pub use hand::Hand;
-pub use lay::{Painted, lay, recolored};
+pub use lay::{Painted, lay, lay_beside, recolored};
 pub use painting::{AreaError, MAX_PIXELS, Paint, pixels_of};
 pub use pins::{OtherScene, Pin, PinError, StoredPins, pin};
 pub use surface::Surface;

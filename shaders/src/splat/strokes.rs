@@ -104,7 +104,7 @@ pub struct StrokeDraw {
 }
 
 /// The constants of the CPU twin.
-fn twin_constants() -> String {
+pub(crate) fn twin_constants() -> String {
     let integers = constants(&[
         ("SEED_BITS", twin::SEED_BITS),
         ("SEVEN_BITS", twin::SEVEN_BITS),

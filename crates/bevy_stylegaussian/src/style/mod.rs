@@ -63,6 +63,12 @@ pub use wish::settings::StyleMethod;
 pub use wish::source::{HiddenUntilStyled, StyleInput, StyleSource, WeightedStyle};
 pub use wish::strokes::{StrokeDirection, VolumeStrokes};
 
+#[cfg(feature = "meshes")]
+pub(crate) use {
+    make::{brushwork::Brushwork, inputs::Inputs as StyleInputs, job::StyleJobs, shared::SharedStyle},
+    wish::event::StyleEvents,
+};
+
 use decoder::{GaussianDecoder, StyleBackend, StyleBudget, StyleDecoder};
 
 /// Styles the entities that show a scene.

@@ -21,6 +21,8 @@ mod lifecycle;
 mod living;
 mod looks;
 mod masks;
+#[cfg(all(feature = "images", feature = "meshes"))]
+mod meshes;
 #[cfg(feature = "images")]
 mod on_demand;
 #[cfg(feature = "images")]

@@ -53,6 +53,12 @@ impl Balance {
         let d = root(ff[0], kf[0] + c * fw[0], with_wide - of_fine).clamp(FINE.0, FINE.1);
         Self { fine: d as f32, wide: c as f32, fine_energy: d * d * ff[0] / of_fine.max(1e-9) }
     }
+
+    /// Those beside a scene with this gain of wide detail, on a surface on which nothing blurs fine detail: it
+    /// is as strong as in the painting.
+    pub fn beside(wide: f32) -> Self {
+        Self { fine: 1.0, wide, fine_energy: 1.0 }
+    }
 }
 
 /// The positive root x of a x^2 + 2 b x + c = 0, or 0.

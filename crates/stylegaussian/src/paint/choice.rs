@@ -35,7 +35,7 @@ pub(super) struct Choice<'a> {
     /// Colors of each painting, or the given ones for all.
     given: Option<&'a Tints>,
     /// Share of the scene that each painting gets, by what is seen.
-    shares: Vec<f64>,
+    pub shares: Vec<f64>,
     /// Places of the seeds `[M]`, once they are chosen.
     pub placements: Vec<Placement>,
 }
@@ -134,6 +134,11 @@ impl<'a> Choice<'a> {
         with_hues(self.surface, &moments, &palettes, |hues| {
             place(self.surface, self.paintings, &self.labels, hues, direction)
         })
+    }
+
+    /// In the colors and shares of the scene that this one stands beside.
+    pub fn beside(self, tints: &'a Tints, shares: &[f64]) -> Self {
+        Self { tints: Cow::Borrowed(tints), shares: shares.to_vec(), ..self }
     }
 
     /// With these places.

@@ -1,5 +1,7 @@
 //! The colors under strokes.
 
+use std::borrow::Cow;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -54,6 +56,13 @@ impl Underpainting {
         self.own.par_iter().zip(&self.low).zip(own_detail).map(kept).collect()
     }
 
+    /// Colors before they are graded `[N]`. `own_detail` is as above.
+    pub fn mixed(&self, own_detail: &[f32]) -> Vec<Vec3> {
+        let detail = |i: usize| own_detail[i] + (1.0 - own_detail[i]) * OWN_GRAIN;
+        let mixed = |i: usize| self.low[i].lerp(self.own[i], detail(i));
+        (0..self.own.len()).into_par_iter().map(mixed).collect()
+    }
+
     /// The colors under strokes with this gain of wide detail: see [`graded`].
     pub fn colors(
         &self,
@@ -61,20 +70,24 @@ impl Underpainting {
         own_detail: &[f32],
         protection: &[f32],
         wide: f32,
-        pull: f32,
+        (pull, shown): (f32, Option<&[Vec3]>),
     ) -> Vec<[f32; 3]> {
-        let detail = |i: usize| own_detail[i] + (1.0 - own_detail[i]) * OWN_GRAIN;
-        let mixed = |i: usize| self.low[i].lerp(self.own[i], detail(i));
-        let mixed: Vec<Vec3> = (0..self.own.len()).into_par_iter().map(mixed).collect();
-        graded(choice, &mixed, protection, wide, pull)
+        graded(choice, &self.mixed(own_detail), protection, wide, (pull, shown))
     }
 }
 
 /// Colors with the painting's palette and tones: under strokes those of the painting without its strokes,
-/// elsewhere those of the whole painting. `pull` is the share of the way toward its hues.
-fn graded(choice: &Choice, colors: &[Vec3], protection: &[f32], wide: f32, pull: f32) -> Vec<[f32; 3]> {
+/// elsewhere those of the whole painting. `pull` is the share of the way toward its hues. `shown` are the
+/// pixels of pictures that get palette and tones, or `None` for those of the scene itself.
+fn graded(
+    choice: &Choice,
+    colors: &[Vec3],
+    protection: &[f32],
+    wide: f32,
+    (pull, shown): (f32, Option<&[Vec3]>),
+) -> Vec<[f32; 3]> {
     let surface = choice.surface;
-    let shown = surface.proofs.pixels(colors);
+    let shown = shown.map_or_else(|| Cow::Owned(surface.proofs.pixels(colors)), Cow::Borrowed);
     let from = moments(&shown, &surface.visibility, colors);
     let grades =
         [&choice.tints.low, &choice.tints.whole].map(|(to, tones)| Grade::new(&from, &shown, to, tones));

@@ -7,6 +7,7 @@ use super::{
     balance::Balance,
     canvas::Canvas,
     choice::Choice,
+    company::{Company, Manner},
     grade::Underpainting,
     hand::Hand,
     pins::{Pin, move_seeds, of_painting, pinned},
@@ -49,14 +50,14 @@ pub struct Painted {
 }
 
 /// Paintings that are laid on together, and their pins, which number them.
-struct Part<'a> {
-    paintings: Vec<&'a Canvas>,
+pub(super) struct Part<'a> {
+    pub paintings: Vec<&'a Canvas>,
     pins: Vec<Pin>,
     weight: f64,
 }
 
 /// The parts of a style: each painting, or all of a collection together.
-fn parts<'a>(paintings: &[(&'a Canvas, f64)], hand: &Hand) -> Vec<Part<'a>> {
+pub(super) fn parts<'a>(paintings: &[(&'a Canvas, f64)], hand: &Hand) -> Vec<Part<'a>> {
     let given = paintings.iter().enumerate();
     let given = given.filter(|(_, (_, weight))| *weight > 0.0 && weight.is_finite());
     if !hand.is_collection {
@@ -106,6 +107,36 @@ pub fn lay(
     content: f64,
     work: &Work,
 ) -> Result<Painted, Canceled> {
+    laid(scene, surface, paintings, (hand, content, None), work)
+}
+
+/// As [`lay`], on a scene that stands beside a painted one, whose `company` has the same paintings, hand and
+/// content: what is alike in both is painted alike. `surface` is made [beside](Surface::beside) the other's.
+/// Pins are of the other scene, and are left out.
+///
+/// # Errors
+/// If `work` is canceled.
+///
+/// # Panics
+/// If `surface` was made from a scene of another number of Gaussians, or if there are more than
+/// [`MAX_TEXTURES`] paintings.
+pub fn lay_beside(
+    scene: &Scene,
+    surface: &Surface,
+    paintings: &[(&Canvas, f64)],
+    (hand, content, company): (&Hand, f64, &Company),
+    work: &Work,
+) -> Result<Painted, Canceled> {
+    laid(scene, surface, paintings, (&Hand { pins: &[], ..*hand }, content, Some(company)), work)
+}
+
+fn laid(
+    scene: &Scene,
+    surface: &Surface,
+    paintings: &[(&Canvas, f64)],
+    (hand, content, company): (&Hand, f64, Option<&Company>),
+    work: &Work,
+) -> Result<Painted, Canceled> {
     assert_eq!(scene.len(), surface.len(), "the surface of this scene");
     assert!(paintings.len() <= MAX_TEXTURES, "at most {MAX_TEXTURES} paintings");
     let given = parts(paintings, hand);
@@ -124,7 +155,8 @@ pub fn lay(
         total += part.weight;
         let share = if i == 0 { 1.0 } else { (part.weight / total) as f32 };
         let work = work.part(i as f32 / n, (i + 1) as f32 / n);
-        painted.mix(one(scene, surface, part, hand, &work)?, share);
+        let manner = company.and_then(|company| company.manners.get(i));
+        painted.mix(one(scene, surface, part, (hand, manner), &work)?, share);
     }
     if kept > 0.0 && total > 0.0 {
         painted.keep(&surface.base, kept);
@@ -174,8 +206,9 @@ pub fn recolored(
         let wide = seeds.first().map_or(1.0, |seed| seed.plain().wide);
         let choice = Choice::laid(surface, &part.paintings, hand.tints, seeds, &strokes.textures);
         let under = Underpainting::new(&choice);
-        let [own_detail, _] = standing_out(&choice, &under.recoloring);
-        let colors = under.colors(&choice, &own_detail, &protection, wide, hand.palette);
+        let energies = energies(&choice, &under.recoloring);
+        let [own_detail, _] = standing_out(&choice, &energies, usual_energy(surface, &energies));
+        let colors = under.colors(&choice, &own_detail, &protection, wide, (hand.palette, None));
         painted.mix(Painted { colors, ..Painted::default() }, share);
     }
     if kept > 0.0 && total > 0.0 {
@@ -241,24 +274,45 @@ impl Painted {
     }
 }
 
-/// One part of a style on a scene.
-fn one(scene: &Scene, surface: &Surface, part: &Part, hand: &Hand, work: &Work) -> Result<Painted, Canceled> {
+/// One part of a style on a scene, in the manner of the scene that it stands beside if there is one.
+fn one(
+    scene: &Scene,
+    surface: &Surface,
+    part: &Part,
+    (hand, manner): (&Hand, Option<&Manner>),
+    work: &Work,
+) -> Result<Painted, Canceled> {
     let pinned = pinned(surface, &part.paintings, &part.pins, hand.direction);
     let fixed = pinned.iter().map(|pinned| (pinned.seed, pinned.painting));
-    let choice = Choice::new(surface, &part.paintings, hand.tints, fixed);
+    let mut choice = Choice::new(surface, &part.paintings, hand.tints, fixed);
+    if let Some(manner) = manner {
+        choice = choice.beside(&manner.tints, &manner.shares);
+    }
     let under = Underpainting::new(&choice);
     work.at(0.1)?;
-    let (placements, [own_detail, protection]) =
-        rayon::join(|| choice.placements(hand.direction), || standing_out(&choice, &under.recoloring));
+    let (placements, [own_detail, protection]) = rayon::join(
+        || choice.placements(hand.direction),
+        || {
+            let energies = energies(&choice, &under.recoloring);
+            let usual = manner.map_or_else(|| usual_energy(surface, &energies), |manner| manner.usual);
+            standing_out(&choice, &energies, usual)
+        },
+    );
     let choice = choice.placed(placements);
     work.at(0.5)?;
-    let kept = under.kept(&own_detail);
     let used = choice.textures(hand.tints);
-    let textures: Vec<&StrokeTexture> = used.textures.iter().map(|texture| &**texture).collect();
-    let plain = seeds(&choice, &used.numbers, 1.0, 1.0);
-    let balance = Balance::new(scene, &choice, &plain, &textures, &protection, &kept);
+    let balance = match manner {
+        Some(manner) => Balance::beside(manner.wide),
+        None => {
+            let kept = under.kept(&own_detail);
+            let textures: Vec<&StrokeTexture> = used.textures.iter().map(|texture| &**texture).collect();
+            let plain = seeds(&choice, &used.numbers, 1.0, 1.0);
+            Balance::new(scene, &choice, &plain, &textures, &protection, &kept)
+        }
+    };
     work.at(0.8)?;
-    let colors = under.colors(&choice, &own_detail, &protection, balance.wide, hand.palette);
+    let shown = manner.map(|manner| &*manner.shown);
+    let colors = under.colors(&choice, &own_detail, &protection, balance.wide, (hand.palette, shown));
     let word = |(owner, protection): (&u32, &f32)| {
         StrokeWord { seed: *owner, protection: *protection, share: 1.0 }.packed()
     };
@@ -276,10 +330,8 @@ fn one(scene: &Scene, surface: &Surface, part: &Part, hand: &Hand, work: &Work) 
     })
 }
 
-/// How much each Gaussian stands out, 0..1: the share of its own detail that it keeps `[N]`, and the share of
-/// strokes that it is protected from `[N]`.
-fn standing_out(choice: &Choice, recoloring: &Recoloring) -> [Vec<f32>; 2] {
-    let surface = choice.surface;
+/// Energy of the detail of each Gaussian, in the colors of a recoloring `[N]`.
+pub(super) fn energies(choice: &Choice, recoloring: &Recoloring) -> Vec<f32> {
     // |luminance of R d|^2 + CHROMA |R d - luminance|^2 = d^T Q d, where R is the recoloring's matrix.
     let zero = Vec3::from(recoloring.color([0.0; 3]));
     let column = |axis: Vec3| Vec3::from(recoloring.color(axis.to_array())) - zero;
@@ -288,10 +340,19 @@ fn standing_out(choice: &Choice, recoloring: &Recoloring) -> [Vec<f32>; 2] {
     let chroma = Mat3::IDENTITY - luminance;
     let row = super::frames::outer(LUMINANCE, LUMINANCE);
     let quadratic = map.transpose() * (row + chroma.transpose() * chroma * CHROMA) * map;
-    let energies: Vec<f32> = surface.edges.par_iter().map(|edges| edges.dot(&quadratic).max(0.0)).collect();
+    choice.surface.edges.par_iter().map(|edges| edges.dot(&quadratic).max(0.0)).collect()
+}
+
+/// The usual one of these energies `[N]`, by what is seen.
+pub(super) fn usual_energy(surface: &Surface, energies: &[f32]) -> f32 {
     let stride = energies.len().div_ceil(1 << 16).max(1);
     let seen = energies.iter().copied().zip(surface.visibility.iter().copied());
-    let usual = weighted_median(&mut seen.step_by(stride).collect::<Vec<_>>()).unwrap_or(0.0).max(1e-9);
+    weighted_median(&mut seen.step_by(stride).collect::<Vec<_>>()).unwrap_or(0.0).max(1e-9)
+}
+
+/// How much each Gaussian of these energies `[N]` stands out, 0..1: the share of its own detail that it keeps
+/// `[N]`, and the share of strokes that it is protected from `[N]`.
+pub(super) fn standing_out(choice: &Choice, energies: &[f32], usual: f32) -> [Vec<f32>; 2] {
     // Energies at which half of the protection is reached, in each painting.
     let halves = |typical: f32| {
         let of_strokes = OF_STROKES * typical;

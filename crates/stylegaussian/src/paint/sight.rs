@@ -37,6 +37,9 @@ const VIEWS: f32 = 0.6;
 /// Least blend weight that counts. Two fifths of all are smaller, and sum to 0.5% of a picture.
 pub(super) const FAINT: f32 = 1e-3;
 
+/// Most pixels that a Gaussian seen from the front counts as: all of a picture.
+const MOST_PIXELS: f32 = CHOSEN_SIDE * CHOSEN_SIDE;
+
 /// A summary of usual views of a scene.
 pub(super) struct Sight {
     /// Pixels that each Gaussian fills, summed over the views `[N]`.
@@ -90,6 +93,23 @@ impl Sight {
         let proofs: Vec<Camera> = views.iter().map(|(_, camera)| camera.fitted(side as u32)).collect();
         let proofs = Proofs::new(scene, &proofs, &work.part(VIEWS, 1.0))?;
         Ok(Self { visibility, pixel, proofs, up })
+    }
+}
+
+impl Sight {
+    /// All of a scene seen from the front, where a pixel of the painting has this size, in scene units.
+    /// Gaussians are half as wide as they are apart. There are no proofs.
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn from_the_front(scene: &Scene, pixel: f32, work: &Work) -> Result<Self, Canceled> {
+        let visible = |side: f32| (2.0 * side / pixel).powi(2).min(MOST_PIXELS);
+        Ok(Self {
+            visibility: scene.broad_sides().into_iter().map(visible).collect(),
+            pixel,
+            proofs: Proofs::new(scene, &[], work)?,
+            up: scene.up.and_then(Vec3::try_normalize).unwrap_or(Vec3::Y),
+        })
     }
 }
 

@@ -124,10 +124,34 @@ impl Surface {
         Ok(surface)
     }
 
+    /// The surfaces of `scene`, which stands beside the one that `painted` is of: strokes are as large as
+    /// there, and colors change as there. `scale` is the size of the other's unit in units of this scene, above
+    /// 0. All of it counts as seen, from the front, and nothing is rendered.
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn beside(scene: &Scene, painted: &Self, scale: f32, work: &Work) -> Result<Self, Canceled> {
+        Self::in_order(scene, |sorted| {
+            let sight = Sight::from_the_front(sorted, painted.pixel * scale, work)?;
+            Self::seen(sorted, sight, Some(painted.moments), work)
+        })
+    }
+
+    /// Size of a pixel of the painting, in scene units. Seeds are 28 pixels apart.
+    pub fn pixel(&self) -> f32 {
+        self.pixel
+    }
+
     /// The surfaces of a scene in Morton order.
     fn of(scene: &Scene, cameras: &[Camera], work: &Work) -> Result<Self, Canceled> {
         let sight = Sight::of(scene, cameras, &work.part(0.0, SIGHT))?;
         work.at(SIGHT)?;
+        Self::seen(scene, sight, None, work)
+    }
+
+    /// The surfaces of a scene in Morton order, as it is seen. Moments are those of its pictures if none are
+    /// given.
+    fn seen(scene: &Scene, sight: Sight, given: Option<ColorMoments>, work: &Work) -> Result<Self, Canceled> {
         let pixel = sight.pixel;
         let found;
         let neighbors = match &scene.neighbors {
@@ -149,7 +173,7 @@ impl Surface {
             || edges(&soft, &shapes, &grid(AROUND_EDGES), &sight.visibility),
         );
         work.at(0.9)?;
-        let moments = moments(&sight.proofs.pixels(&base), &sight.visibility, &base);
+        let moments = given.unwrap_or_else(|| moments(&sight.proofs.pixels(&base), &sight.visibility, &base));
         let ground = Ground {
             means: &scene.means,
             visibility: &sight.visibility,

@@ -12,6 +12,8 @@ use stylegaussian::{
 };
 use stylegaussian_gpu::device::is_software;
 
+#[cfg(feature = "meshes")]
+use crate::style::make::brushwork::Brushwork;
 use crate::{
     scene::{GaussianScene, LoadedScene},
     style::{
@@ -237,9 +239,34 @@ impl Inputs<'_> {
         }
     }
 
-    /// The choices of a source beside its paintings.
-    fn decided(&mut self, source: &StyleSource, scene: &LoadedScene) -> Input<Decided> {
-        let tints = match &source.palette {
+    /// The paint of a source, for a mesh that stands alone.
+    #[cfg(feature = "meshes")]
+    pub(crate) fn brushwork(&mut self, source: &StyleSource) -> Input<Brushwork> {
+        let mut canvases = Vec::new();
+        for style in &source.styles {
+            match (self.input(style, true)?, &style.input) {
+                (None, _) => return Ok(None),
+                (Some(Given::Canvas(canvas)), _) => canvases.push((Same(canvas), f64::from(style.weight))),
+                (Some(_), StyleInput::Preset(preset)) => {
+                    return Err(Arc::new(StyleError::NoPaint { preset: preset_name(preset) }));
+                }
+                (Some(_), _) => {
+                    let found =
+                        "a mesh is painted by images and presets, and found a look, which is a scene's";
+                    return Err(Arc::new(StyleError::Source(found.into())));
+                }
+            }
+        }
+        let Some(tints) = self.tints(source)? else { return Ok(None) };
+        let (is_collection, palette) = (source.is_collection, source.palette_strength);
+        let direction = source.stroke_direction;
+        let decided = Decided { is_collection, tints, palette, direction, pins: Vec::new() };
+        Ok(Some(Brushwork::new(canvases, decided, f64::from(source.content), None)))
+    }
+
+    /// Colors in the paintings' stead, `Some(None)` if there are none.
+    fn tints(&mut self, source: &StyleSource) -> Input<Option<GivenTints>> {
+        Ok(Some(match &source.palette {
             None => None,
             Some(StylePalette::Colors(colors)) => Some(GivenTints::Colors(displayed(colors))),
             Some(StylePalette::Image(handle)) => {
@@ -253,7 +280,12 @@ impl Inputs<'_> {
                 };
                 Some(GivenTints::Canvas(Same(self.presets.canvas(handle, None, paint))))
             }
-        };
+        }))
+    }
+
+    /// The choices of a source beside its paintings.
+    fn decided(&mut self, source: &StyleSource, scene: &LoadedScene) -> Input<Decided> {
+        let Some(tints) = self.tints(source)? else { return Ok(None) };
         let pins = match &source.pins {
             StylePins::List(pins) => pins.iter().map(|pin| Pin::from(*pin)).collect(),
             StylePins::File(handle) => {

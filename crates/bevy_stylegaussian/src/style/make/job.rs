@@ -42,6 +42,14 @@ pub(crate) struct StyleJobs {
     pub(super) is_unstyling: bool,
 }
 
+#[cfg(feature = "meshes")]
+impl StyleJobs {
+    /// The style that is shown, if there is one: of the first scene, for a volume.
+    pub(crate) fn shown(&self) -> Option<&Arc<SharedStyle>> {
+        self.of_scene.first()?.shown.as_ref()
+    }
+}
+
 /// Share of a style's first computation that the scene's surface takes: 1.1 of 1.5 s on the demo scene.
 const SURFACE: f32 = 0.7;
 

@@ -1,5 +1,7 @@
 //! From a wish to colors and strokes: the inputs, the computation, and what is shown meanwhile.
 
+#[cfg(feature = "meshes")]
+pub(crate) mod brushwork;
 pub(crate) mod first;
 #[cfg(feature = "images")]
 pub(crate) mod following;

@@ -16,6 +16,8 @@ use stylegaussian::{
 };
 use stylegaussian_gpu::style::FoldedLayers;
 
+#[cfg(feature = "meshes")]
+use crate::style::make::brushwork::{Beside, Brushwork};
 use crate::{
     colors::{ColorSource, FoldedStyle, StyleColors},
     style::{
@@ -90,7 +92,7 @@ pub(crate) enum GivenTints {
 }
 
 impl GivenTints {
-    fn made(&self) -> Result<Tints, Failure> {
+    pub(super) fn made(&self) -> Result<Tints, Failure> {
         match self {
             Self::Canvas(canvas) => match &**canvas.0 {
                 Ok(canvas) => Ok(canvas.tints().clone()),
@@ -181,6 +183,14 @@ impl StyleRequest {
     pub(crate) fn has_strokes(&self) -> bool {
         matches!(self.styles, Styles::Painted { .. })
             || self.looks.iter().any(|look| look.look.0.has_strokes())
+    }
+
+    /// The paint of the style, which has these `strokes`, for meshes beside the scene. `None` if it is none.
+    #[cfg(feature = "meshes")]
+    pub(crate) fn brushwork(&self, strokes: Arc<Strokes>) -> Option<Brushwork> {
+        let Styles::Painted { canvases, surface, decided } = &self.styles else { return None };
+        let painted = Beside::new(surface.clone(), Same(strokes));
+        Some(Brushwork::new(canvases.clone(), decided.clone(), self.content, Some(painted)))
     }
 
     /// The same style in other colors of its paintings, under the `strokes` that it has, or `None` if `colors`
@@ -383,7 +393,7 @@ fn as_parts(paintings: &[(Arc<Painting>, f64)]) -> Vec<(&Canvas, f64)> {
 }
 
 /// Values that are made later, made now, with their weights.
-fn made<T: Clone>(later: &[(Same<LazyOf<T>>, f64)]) -> Result<Vec<(T, f64)>, Failure> {
+pub(super) fn made<T: Clone>(later: &[(Same<LazyOf<T>>, f64)]) -> Result<Vec<(T, f64)>, Failure> {
     let made = |(later, weight): &(Same<LazyOf<T>>, f64)| match &**later.0 {
         Ok(value) => Ok((value.clone(), *weight)),
         Err(error) => Err(Failure::Failed(Arc::clone(error))),
@@ -395,7 +405,7 @@ fn made<T: Clone>(later: &[(Same<LazyOf<T>>, f64)]) -> Result<Vec<(T, f64)>, Fai
 type LazyOf<T> = <Later<Result<T, Arc<StyleError>>> as Deref>::Target;
 
 /// A computation without a style.
-enum Failure {
+pub(super) enum Failure {
     /// Nobody wants it any more.
     Canceled,
     /// It cannot be had.

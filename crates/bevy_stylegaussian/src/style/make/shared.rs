@@ -17,6 +17,8 @@ use crate::{
     work::{Running, Workers},
 };
 
+#[cfg(feature = "meshes")]
+use crate::style::make::brushwork::Brushwork;
 #[cfg(feature = "images")]
 use crate::style::make::later::{Later, Stretched};
 
@@ -104,6 +106,12 @@ impl SharedStyle {
     /// Whether it may have strokes.
     pub(crate) fn has_strokes(&self) -> bool {
         self.request.has_strokes()
+    }
+
+    /// Its paint, for meshes beside the scene, or `None` if it is not painted or not there yet.
+    #[cfg(feature = "meshes")]
+    pub(crate) fn brushwork(&self) -> Option<Brushwork> {
+        self.request.brushwork(self.poll()?.ok()?.colors.strokes.clone()?)
     }
 
     /// The same style in other colors of its images, or `None` if there are none. `colors` gives the canvas of

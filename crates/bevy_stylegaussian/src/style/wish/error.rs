@@ -94,6 +94,22 @@ pub enum StyleError {
     /// A number of the source, or a pinned place, is out of its range.
     #[error("{0}")]
     Source(String),
+    /// A mesh cannot be painted.
+    #[error("{mesh}: the mesh cannot be painted: {found}")]
+    Mesh {
+        /// The mesh.
+        mesh: String,
+        /// What was found, and what was expected.
+        found: String,
+    },
+    /// A sky cannot be painted.
+    #[error("{sky}: the sky cannot be painted: {found}")]
+    Sky {
+        /// The image.
+        sky: String,
+        /// What was found, and what was expected.
+        found: String,
+    },
     /// A look belongs to another scene.
     #[error("{look}: {source}")]
     Look {

@@ -1,0 +1,121 @@
+//! The paint of a style, as meshes take it.
+
+use std::sync::{Arc, OnceLock};
+
+use stylegaussian::{
+    Scene,
+    mesh::Sky,
+    paint::{self, Company, Hand, Painted, Surface},
+    restyle::{self, Recipe},
+    strokes::Strokes,
+    work::{Canceled, Work},
+};
+
+use super::request::{Decided, Failure, GivenTints, LaterCanvas, Same, made};
+use crate::style::wish::error::StyleError;
+
+/// Paintings, and how they are laid on. Two that are equal paint alike.
+pub(crate) struct Brushwork {
+    canvases: Vec<(Same<LaterCanvas>, f64)>,
+    decided: Decided,
+    /// Share of the content's colors that stays, 0..1.
+    content: f64,
+    /// The painted scene that meshes stand beside, or `None` if each stands alone.
+    beside: Option<Beside>,
+}
+
+/// A painted scene.
+pub(crate) struct Beside {
+    surface: Same<Surface>,
+    strokes: Same<Strokes>,
+    /// What it tells the meshes beside it, once the first of them has asked. `None` if it tells nothing.
+    company: OnceLock<Option<Company>>,
+}
+
+impl Beside {
+    pub(super) fn new(surface: Same<Surface>, strokes: Same<Strokes>) -> Self {
+        Self { surface, strokes, company: OnceLock::new() }
+    }
+}
+
+impl PartialEq for Brushwork {
+    fn eq(&self, other: &Self) -> bool {
+        let of = |brushwork: &Self| {
+            brushwork.beside.as_ref().map(|beside| (beside.surface.clone(), beside.strokes.clone()))
+        };
+        self.canvases == other.canvases
+            && self.decided == other.decided
+            && self.content == other.content
+            && of(self) == of(other)
+    }
+}
+
+impl Brushwork {
+    pub(super) fn new(
+        canvases: Vec<(Same<LaterCanvas>, f64)>,
+        decided: Decided,
+        content: f64,
+        beside: Option<Beside>,
+    ) -> Self {
+        Self { canvases, decided, content, beside }
+    }
+
+    /// Size of a pixel of the painting in units of the painted scene, or `None` if meshes stand alone.
+    pub(crate) fn pixel(&self) -> Option<f32> {
+        self.beside.as_ref().map(|beside| beside.surface.0.pixel())
+    }
+
+    /// The scale at which a sky is painted: see [`Sky::scale`].
+    pub(crate) fn sky_scale(&self) -> f32 {
+        self.beside.as_ref().map_or(1.0, |beside| Sky::scale(&beside.surface.0))
+    }
+
+    /// Paints the spots of a mesh, in whose units one of the painted scene has the size `scale`. Not for the
+    /// main thread.
+    ///
+    /// # Errors
+    /// [`Canceled`] if nobody wants it any more; inside, the reason if it cannot be had.
+    pub(crate) fn paint(
+        &self,
+        spots: &Scene,
+        scale: f32,
+        work: &Work,
+    ) -> Result<Result<Painted, Arc<StyleError>>, Canceled> {
+        match self.painted(spots, scale, work) {
+            Ok(painted) => Ok(Ok(painted)),
+            Err(Failure::Failed(error)) => Ok(Err(error)),
+            Err(Failure::Canceled) => Err(Canceled),
+        }
+    }
+
+    fn painted(&self, spots: &Scene, scale: f32, work: &Work) -> Result<Painted, Failure> {
+        let canvases = made(&self.canvases)?;
+        let tints = self.decided.tints.as_ref().map(GivenTints::made).transpose()?;
+        work.at(0.1)?;
+        let paintings: Vec<_> = canvases.iter().map(|(canvas, weight)| (&**canvas, *weight)).collect();
+        let hand = Hand {
+            is_collection: self.decided.is_collection,
+            tints: tints.as_ref(),
+            palette: self.decided.palette,
+            direction: self.decided.direction,
+            pins: &[],
+        };
+        let (surfaces, laying) = (work.part(0.1, 0.6), work.part(0.6, 1.0));
+        if let Some(beside) = &self.beside {
+            let painted = &beside.surface.0;
+            if beside.company.get().is_none() {
+                let company = Company::new(painted, &paintings, &hand, &beside.strokes.0, work)?;
+                // Jobs of a lane are done one after another, so nobody else has set it.
+                let _ = beside.company.set(company);
+            }
+            if let Some(Some(company)) = beside.company.get() {
+                let surface = Surface::beside(spots, painted, scale, &surfaces)?;
+                let how = (&hand, self.content, company);
+                return Ok(paint::lay_beside(spots, &surface, &paintings, how, &laying)?);
+            }
+        }
+        let surface = Surface::new(spots, &surfaces)?;
+        let styles = restyle::Styles::Painted { paintings, surface: &surface, hand };
+        Ok(Recipe { looks: Vec::new(), styles, content: self.content }.restyle(spots, &laying)?)
+    }
+}

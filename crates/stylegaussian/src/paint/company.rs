@@ -1,0 +1,84 @@
+//! Paint beside paint: what a painted scene tells a smaller one that stands in it, such as a mesh.
+//!
+//! A mesh alone would be recolored by its own colors: a red ball would get the painting's mean color, and all
+//! of its contrast. Beside a painted scene, what was red there and what is red here become the same.
+
+use super::{
+    canvas::Canvas,
+    choice::Choice,
+    grade::Underpainting,
+    hand::Hand,
+    lay::{energies, parts, standing_out, usual_energy},
+    surface::Surface,
+    tints::Tints,
+};
+use crate::{
+    strokes::{StrokeSeed, Strokes},
+    work::{Canceled, Work},
+};
+
+/// How a scene is painted, for those that stand beside it.
+pub struct Company {
+    /// That of each part of the style, in the order of its paintings.
+    pub(super) manners: Vec<Manner>,
+}
+
+/// How a scene is painted by one part of a style.
+pub(super) struct Manner {
+    /// Colors of the paintings, by their shares of the scene.
+    pub tints: Tints,
+    /// Share of the scene that each painting has.
+    pub shares: Vec<f64>,
+    /// Usual energy of the scene's detail.
+    pub usual: f32,
+    /// Gain of wide detail.
+    pub wide: f32,
+    /// Pixels of the scene's pictures before its colors are graded.
+    pub shown: Vec<glam::Vec3>,
+}
+
+impl Company {
+    /// The company of a scene that has these `strokes` of `paintings`, which were laid on with `hand`. No place
+    /// is searched for.
+    ///
+    /// `None` if the strokes are not of this surface and these paintings.
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn new(
+        surface: &Surface,
+        paintings: &[(&Canvas, f64)],
+        hand: &Hand,
+        strokes: &Strokes,
+        work: &Work,
+    ) -> Result<Option<Self>, Canceled> {
+        let parts = parts(paintings, &Hand { pins: &[], ..*hand });
+        let n_seeds = surface.n_seeds();
+        if n_seeds == 0 || parts.len() * n_seeds > strokes.seeds.len() {
+            return Ok(None);
+        }
+        let mut manners = Vec::new();
+        for (part, seeds) in parts.iter().zip(strokes.seeds.chunks_exact(n_seeds)) {
+            work.check()?;
+            let choice = Choice::laid(surface, &part.paintings, hand.tints, seeds, &strokes.textures);
+            let under = Underpainting::new(&choice);
+            let energies = energies(&choice, &under.recoloring);
+            let usual = usual_energy(surface, &energies);
+            let [own_detail, _] = standing_out(&choice, &energies, usual);
+            let mixed = under.mixed(&own_detail);
+            let mut shown = surface.proofs.pixels(&mixed);
+            if shown.is_empty() {
+                shown = mixed;
+            }
+            manners.push(Manner {
+                usual,
+                // All seeds of a part have one gain.
+                wide: seeds.first().map_or(1.0, |seed: &StrokeSeed| seed.plain().wide),
+                shown,
+                tints: choice.tints.into_owned(),
+                shares: choice.shares,
+            });
+        }
+        Ok(Some(Self { manners }))
+    }
+}
