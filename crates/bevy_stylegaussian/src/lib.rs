@@ -50,9 +50,10 @@
 //! Most apps need no more than [`prelude`].
 //!
 //! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`, `splat_depth`,
-//! `splat_composite`, `style_pass` and `redraw_strokes` are among the render diagnostics. If several cameras
-//! see splats, the names of the second and further ones end with a number, as in `splat_draw_2`: in the order
-//! in which the cameras came, and a camera keeps its number. The sum is the time of the frame.
+//! `splat_prepass_depth`, `splat_composite`, `style_pass` and `redraw_strokes` are among the render
+//! diagnostics. If several cameras see splats, the names of the second and further ones end with a number, as
+//! in `splat_draw_2`: in the order in which the cameras came, and a camera keeps its number. The sum is the
+//! time of the frame.
 //!
 //! The features of cargo, of which all but those of the last two points are defaults:
 //!

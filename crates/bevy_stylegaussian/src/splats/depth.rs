@@ -110,10 +110,12 @@ pub(super) struct Writer<'w> {
 }
 
 impl Writer<'_> {
-    /// Writes the depths of a view, whose splats are sorted, into an attachment of `samples` samples.
+    /// Writes the depths of a view, whose splats are sorted, into an attachment of `samples` samples. `span` is
+    /// its name among the diagnostics.
     fn write(
         &mut self,
         context: &mut RenderContext,
+        span: &'static str,
         (view, depth): (&RetainedViewEntity, &SplatDepth),
         samples: u32,
         attachment: RenderPassDepthStencilAttachment,
@@ -125,7 +127,7 @@ impl Writer<'_> {
         let diagnostics = context.diagnostic_recorder();
         let diagnostics = diagnostics.as_deref();
         let encoder = context.command_encoder();
-        let span = diagnostics.time_span(encoder, splats.span("splat_depth"));
+        let span = diagnostics.time_span(encoder, splats.span(span));
         let device = self.device.wgpu_device();
         passes.splat.find_depth(device, &self.queue, encoder, &mut splats.buffers, depth.threshold, iso);
         let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
@@ -164,7 +166,8 @@ pub(super) fn write_view_depth(
 ) {
     let (extracted, depth, msaa, texture, prepass, is_deferred) = view.into_inner();
     let view = (&extracted.retained_view_entity, depth);
-    writer.write(&mut context, view, msaa.samples(), texture.get_attachment(StoreOp::Store));
+    let attachment = texture.get_attachment(StoreOp::Store);
+    writer.write(&mut context, "splat_depth", view, msaa.samples(), attachment);
     if let Some(textures) = prepass.filter(|_| is_deferred) {
         write_into_prepass(&mut writer, &mut context, view, msaa, textures);
     }
@@ -183,5 +186,5 @@ fn write_into_prepass(
         depth_ops: Some(Operations { load: LoadOp::Load, store: StoreOp::Store }),
         stencil_ops: None,
     };
-    writer.write(context, view, msaa.samples(), attachment);
+    writer.write(context, "splat_prepass_depth", view, msaa.samples(), attachment);
 }

@@ -42,9 +42,9 @@ pub fn iso_depth(
     let mut depths = vec![f32::INFINITY; size.x * size.y];
     depths.par_chunks_mut((size.x * TILE).max(1)).enumerate().for_each(|(band, depths)| {
         for (tile, in_tile) in bands.tiles(band, &splats) {
-            let (mut light, mut found) = ([[1.0; GROUP]; GROUPS], [[f32::INFINITY; GROUP]; GROUPS]);
+            let (mut light, mut found) = ([[1.0_f32; GROUP]; GROUPS], [[f32::INFINITY; GROUP]; GROUPS]);
             tile.composite(&splats, &in_tile, 0.0, |group, splat, weights, _| {
-                for (i, weight) in weights.iter().enumerate() {
+                for (i, &weight) in weights.iter().enumerate() {
                     let before = light[group][i];
                     light[group][i] -= weight;
                     if before >= threshold && light[group][i] < threshold {

@@ -24,7 +24,7 @@ fn iso_depth_agrees_with_blend_weights() {
     let depths = iso_depth(&scene, &camera, 0.6, None);
     let mut n_found = 0;
     for (pixel, &found) in depths.iter().enumerate() {
-        let mut light = 1.0;
+        let mut light = 1.0_f32;
         let crossing = weights.pixel(pixel).find(|(_, weight)| {
             light -= weight;
             light < 0.6
