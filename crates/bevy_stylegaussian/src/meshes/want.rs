@@ -3,6 +3,7 @@
 use std::sync::{Arc, Weak};
 
 use bevy::{
+    asset::UntypedAssetId,
     ecs::system::SystemParam,
     platform::{
         collections::{HashMap, HashSet},

@@ -42,7 +42,7 @@ pub enum Picture {
         /// The camera before it was scaled. The photo has the proportions of its pictures, or of the lens.
         camera: Camera,
         /// The lens, if the camera is that of the photo without distortion.
-        distortion: Option<Distortion>,
+        distortion: Option<Box<Distortion>>,
     },
     /// The scene itself, over white.
     Rendered,
@@ -57,7 +57,7 @@ impl TrainingView {
         Self {
             name,
             camera: fitted(camera, longer_side),
-            picture: Picture::Photo { path, camera: camera.clone(), distortion },
+            picture: Picture::Photo { path, camera: camera.clone(), distortion: distortion.map(Box::new) },
         }
     }
 
@@ -74,7 +74,7 @@ impl TrainingView {
         let size = self.camera.size;
         match &self.picture {
             Picture::Photo { path, camera, distortion } => {
-                let of_photo = distortion.map_or(camera.size, |lens| lens.size);
+                let of_photo = distortion.as_ref().map_or(camera.size, |lens| lens.size);
                 let Warned { image, warning } = Image::open_photo(path, of_photo.into())?;
                 let image = match distortion {
                     Some(lens) => lens.undistorted(&image, camera),

@@ -11,7 +11,10 @@ use stylegaussian::{
     work::{Canceled, Work},
 };
 
-use super::request::{Decided, Failure, GivenTints, LaterCanvas, Same, made};
+use super::{
+    request::{Decided, Failure, GivenTints, LaterCanvas, Same, as_parts, made},
+    worker::Ground,
+};
 use crate::style::wish::error::StyleError;
 
 /// Paintings, and how they are laid on. Two that are equal paint alike.
@@ -26,14 +29,14 @@ pub(crate) struct Brushwork {
 
 /// A painted scene.
 pub(crate) struct Beside {
-    surface: Same<Surface>,
+    surface: Same<Ground>,
     strokes: Same<Strokes>,
     /// What it tells the meshes beside it, once the first of them has asked. `None` if it tells nothing.
     company: OnceLock<Option<Company>>,
 }
 
 impl Beside {
-    pub(super) fn new(surface: Same<Surface>, strokes: Same<Strokes>) -> Self {
+    pub(super) fn new(surface: Same<Ground>, strokes: Same<Strokes>) -> Self {
         Self { surface, strokes, company: OnceLock::new() }
     }
 }
@@ -92,12 +95,12 @@ impl Brushwork {
         let canvases = made(&self.canvases)?;
         let tints = self.decided.tints.as_ref().map(GivenTints::made).transpose()?;
         work.at(0.1)?;
-        let paintings: Vec<_> = canvases.iter().map(|(canvas, weight)| (&**canvas, *weight)).collect();
+        let paintings = as_parts(&canvases);
         let hand = Hand {
             is_collection: self.decided.is_collection,
             tints: tints.as_ref(),
             palette: self.decided.palette,
-            direction: self.decided.direction,
+            direction: self.decided.direction(),
             pins: &[],
         };
         let (surfaces, laying) = (work.part(0.1, 0.6), work.part(0.6, 1.0));

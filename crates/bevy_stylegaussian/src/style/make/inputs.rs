@@ -259,7 +259,7 @@ impl Inputs<'_> {
         }
         let Some(tints) = self.tints(source)? else { return Ok(None) };
         let (is_collection, palette) = (source.is_collection, source.palette_strength);
-        let direction = source.stroke_direction;
+        let direction = source.stroke_direction.clone();
         let decided = Decided { is_collection, tints, palette, direction, pins: Vec::new() };
         Ok(Some(Brushwork::new(canvases, decided, f64::from(source.content), None)))
     }

@@ -77,7 +77,7 @@ pub(crate) struct Decided {
 
 impl Decided {
     /// Direction of strokes, for painting.
-    fn direction(&self) -> Option<Direction<'_>> {
+    pub(super) fn direction(&self) -> Option<Direction<'_>> {
         self.direction.as_ref().map(StrokeDirection::of_paint)
     }
 }
@@ -384,7 +384,7 @@ impl StyleRequest {
 }
 
 /// Paintings and their weights, as a recipe takes them.
-fn as_parts(paintings: &[(Arc<Painting>, f64)]) -> Vec<(&Canvas, f64)> {
+pub(super) fn as_parts(paintings: &[(Arc<Painting>, f64)]) -> Vec<(&Canvas, f64)> {
     let mut parts: Vec<(&Canvas, f64)> = Vec::new();
     for (painting, weight) in paintings {
         parts.push((painting, *weight));
