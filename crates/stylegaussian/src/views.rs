@@ -6,14 +6,19 @@
 //! looks), each step then takes the one that adds most to the views before it. Any number of views thus covers
 //! the scene as well as that many views can.
 //!
+//! A scene that was captured from about one spot within it is a place too, and is seen from there, also if its
+//! sky is empty or the same can be seen from outside: `eye` finds the spot.
+//!
 //! What is framed is the dense part of the scene, without surroundings, as in [`Scene::bulk`], or the ball that
 //! [`Scene::frame`] tells. A sky far away is no part of the scene.
 //!
-//! The stages, one module each: `survey` (size, middle and a simplified version of the scene), `up` (the up
-//! direction), `candidates` (candidate cameras), `coverage` (the Gaussians that a camera sees, and the choice).
+//! The stages, one module each: `survey` (size, middle and a simplified version of the scene), `eye` (the spot
+//! of a capture from within), `up` (the up direction), `candidates` (candidate cameras), `coverage` (the
+//! Gaussians that a camera sees, and the choice).
 
 mod candidates;
 mod coverage;
+mod eye;
 mod survey;
 #[cfg(test)]
 mod tests;
@@ -158,6 +163,12 @@ enum Overviews {
 
 impl Overviews {
     fn take(survey: &Survey, work: &Work) -> Result<Self, Canceled> {
+        if let Some(eye) = survey.eye {
+            let within = TestViews::take(survey, candidates::from_eye(survey, eye), work)?;
+            if !within.usable().is_empty() {
+                return Ok(Self::Within(within));
+            }
+        }
         let around = TestViews::take(survey, candidates::around(survey), work)?;
         // A few views tell an object that is plainly none to stand in.
         let (few, others): (Vec<_>, Vec<_>) =

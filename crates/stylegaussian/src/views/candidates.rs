@@ -5,7 +5,10 @@ use std::f32::consts::TAU;
 use crate::{Camera, bulk::quantiles};
 use glam::{UVec2, Vec3};
 
-use super::survey::{Framed, Survey};
+use super::{
+    eye::Eye,
+    survey::{Framed, Survey},
+};
 
 /// Half the angle of an object's overview, in radians: a normal lens with little perspective distortion.
 const OBJECT_HALF_ANGLE: f32 = 0.42;
@@ -40,6 +43,11 @@ const TURN_PITCH: f32 = -0.1;
 const N_SPOTS: usize = 10;
 /// Standing room around a spot, in radii of the scene.
 const STANDING_ROOM: f32 = 0.12;
+
+/// Distance of the spots around that of a capture, and of what is in the way there, in distances of what is
+/// near.
+const BESIDE: f32 = 0.3;
+const IN_THE_WAY: f32 = 0.25;
 
 /// Least distance of anything of interest, in distances up to which nothing is drawn: 0.3 units in a scene of a
 /// unit or more.
@@ -151,6 +159,19 @@ pub(super) fn closer_looks_around(survey: &Survey, overviews: &[Candidate]) -> V
 /// Overviews of a place: from free spots inside the scene, in all directions.
 pub(super) fn within(survey: &Survey) -> Vec<Candidate> {
     let clearance = (0.5 * STANDING_ROOM * survey.radius).max(nearest(survey.radius));
+    looking_around(survey, &spots(survey), clearance, Camera::near_before(survey.radius))
+}
+
+/// Overviews from the spot of a capture, and from some around it.
+pub(super) fn from_eye(survey: &Survey, Eye { at, room }: Eye) -> Vec<Candidate> {
+    let (x, z) = survey.up.any_orthonormal_pair();
+    let beside = [Vec3::ZERO, x, z, -x, -z].map(|side| at + BESIDE * room * side);
+    // All that is near is part of the place.
+    looking_around(survey, &beside, IN_THE_WAY * room, Camera::near_before(room))
+}
+
+/// Views of all directions from each of these spots.
+fn looking_around(survey: &Survey, eyes: &[Vec3], clearance: f32, near: f32) -> Vec<Candidate> {
     let headings = (0..N_HEADINGS).map(|i| TAU * i as f32 / N_HEADINGS as f32);
     let directions: Vec<Vec3> = headings
         .flat_map(|azimuth| PITCHES.map(|elevation| direction(survey.up, azimuth, elevation)))
@@ -163,10 +184,10 @@ pub(super) fn within(survey: &Survey) -> Vec<Candidate> {
             tan_half: PLACE_HALF_ANGLE.tan(),
             is_overview: true,
             clearance,
-            near: Camera::near_before(survey.radius),
+            near,
         })
     };
-    spots(survey).into_iter().flat_map(from).collect()
+    eyes.iter().copied().flat_map(from).collect()
 }
 
 /// Closer looks within a place: its `overviews` through a longer lens.

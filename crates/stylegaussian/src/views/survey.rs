@@ -9,7 +9,10 @@ use crate::{
 };
 use glam::Vec3;
 
-use super::up::up;
+use super::{
+    eye::{Eye, eye},
+    up::up,
+};
 
 /// Number of Gaussians of the simplified scene: enough to distinguish surfaces from gaps at the size of test
 /// views.
@@ -41,6 +44,8 @@ pub(super) struct Survey {
     pub up: Vec3,
     /// What is framed of the scene.
     pub framed: Framed,
+    /// The spot from which the capture was made, if that was within the scene.
+    pub eye: Option<Eye>,
 }
 
 /// What is framed of a scene.
@@ -63,7 +68,7 @@ impl Survey {
         if !scene.opacities.iter().any(is_drawn) || masses.iter().all(|&mass| mass <= 0.0) {
             return None;
         }
-        let (extent, framed_masses, framed) = framed(scene, &stand_in, &masses)?;
+        let (extent, framed_masses, framed, eye) = framed(scene, &stand_in, &masses)?;
         let Extent { center, half_size, radius } = extent;
         // Above 0 even if Gaussians of no size lie in one point, and enough for digits of f32 to be left.
         let radius = radius.max(1e-6 * center.abs().max_element()).max(1e-12);
@@ -72,15 +77,16 @@ impl Survey {
             .map(|(mean, &mass)| if framed == Framed::All || tells_up(mean) { mass } else { 0.0 })
             .collect();
         let up = up(&stand_in, &near, half_size);
-        Some(Self { radius, stand_in, masses: framed_masses, center, half_size, up, framed })
+        let eye = eye.map(|eye| eye.above_floor(&stand_in, up));
+        Some(Self { radius, stand_in, masses: framed_masses, center, half_size, up, framed, eye })
     }
 }
 
 /// Where the mass of a scene is.
-struct Extent {
-    center: Vec3,
-    half_size: Vec3,
-    radius: f32,
+pub(super) struct Extent {
+    pub center: Vec3,
+    pub half_size: Vec3,
+    pub radius: f32,
 }
 
 impl Extent {
@@ -97,8 +103,13 @@ impl Extent {
     }
 }
 
-/// What to frame of a scene: its extent, and the masses of its Gaussians `[n]`, which are 0 beyond.
-fn framed(scene: &Scene, stand_in: &Scene, masses: &[f32]) -> Option<(Extent, Vec<f32>, Framed)> {
+/// What to frame of a scene: its extent, and the masses of its Gaussians `[n]`, which are 0 beyond. If it was
+/// captured from within, all is framed, and the spot is told.
+fn framed(
+    scene: &Scene,
+    stand_in: &Scene,
+    masses: &[f32],
+) -> Option<(Extent, Vec<f32>, Framed, Option<Eye>)> {
     let only = |is_framed: &dyn Fn(Vec3) -> bool| -> Option<Vec<f32>> {
         let framed = stand_in.means.iter().zip(masses);
         let framed: Vec<f32> =
@@ -109,7 +120,7 @@ fn framed(scene: &Scene, stand_in: &Scene, masses: &[f32]) -> Option<(Extent, Ve
         let extent = Extent { center, half_size: Vec3::splat(radius / 3.0_f32.sqrt()), radius };
         // A ball around nothing is framed as well as any other.
         let framed = only(&|mean| mean.distance(center) < radius).unwrap_or_else(|| masses.to_vec());
-        return Some((extent, framed, Framed::Told));
+        return Some((extent, framed, Framed::Told, None));
     }
     let all = Extent::of(stand_in, masses)?;
     if let Some(region) = region(scene)
@@ -117,9 +128,13 @@ fn framed(scene: &Scene, stand_in: &Scene, masses: &[f32]) -> Option<(Extent, Ve
         && let Some(dense) = Extent::of(stand_in, &framed)
         && all.radius > LARGER * dense.radius
     {
-        return Some((dense, framed, Framed::Dense(region)));
+        return Some(match eye(stand_in, &framed, &all, &dense) {
+            Some(eye) => (all, masses.to_vec(), Framed::All, Some(eye)),
+            None => (dense, framed, Framed::Dense(region), None),
+        });
     }
-    Some((all, masses.to_vec(), Framed::All))
+    let eye = eye(stand_in, masses, &all, &all);
+    Some((all, masses.to_vec(), Framed::All, eye))
 }
 
 /// A scene of at most `n` Gaussians that looks similar from afar, without its backdrop: every so many along the

@@ -6,6 +6,7 @@ use glam::{Quat, Vec3};
 use super::*;
 
 mod surroundings;
+mod within;
 mod worlds;
 
 const SIZE: UVec2 = UVec2::new(48, 32);
