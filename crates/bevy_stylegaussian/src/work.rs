@@ -4,7 +4,7 @@
 //! Long work runs on threads of our own, because Bevy's pool for computations has one
 //! thread on up to five cores, and a game's own tasks would wait behind a painting. Each [`Lane`] does one
 //! thing after another, on a few threads of low priority ([`StyleThreads`]). Dropping what [`Workers::start`]
-//! returns stops the computation. A browser has no threads: there, a worker ([`browser`]) lays on paint, and all
+//! returns stops the computation. A browser has no threads: there, a worker (`browser`) lays on paint, and all
 //! else is a task on the page's only one.
 
 #[cfg(target_family = "wasm")]

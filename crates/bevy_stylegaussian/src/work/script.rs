@@ -1,7 +1,7 @@
 //! The address of the script that runs the module, which the worker loads too.
 
-/// The first address in the text of an error's stack. An error that the module makes is made by the script's own
-/// function, so this is the script.
+/// The first address in the text of an error's stack. An error that the module makes is made by the script's
+/// own function, so this is the script.
 pub(super) fn address(stack: &str) -> Option<&str> {
     let colon = stack.find("://")?;
     // Browsers write `at name (ADDRESS:LINE:COLUMN)` or `name@ADDRESS:LINE:COLUMN`.
@@ -24,7 +24,7 @@ mod tests {
 
     #[test]
     fn the_script_is_found_in_the_stacks_of_browsers() {
-        let chrome = "Error\n    at imports.wbg.__wbg_new_8a (http://localhost:8000/package/app.js:1120:19)\n    \
+        let chrome = "Error\n    at imports.wbg.__wbg_new_8a (http://localhost:8000/package/app.js:20:19)\n \
                       at app.wasm.<anonymous> (wasm://wasm/02ae:wasm-function[9]:0x12)";
         assert_eq!(address(chrome), Some("http://localhost:8000/package/app.js"));
         let firefox =

@@ -1,5 +1,5 @@
-//! Paintings and scenes as the browser's worker holds them: it prepares them and lays on paint, without stopping
-//! frames. Where it does not, they are prepared on the page's thread once they are used.
+//! Paintings and scenes as the browser's worker holds them: it prepares them and lays on paint, without
+//! stopping frames. Where it does not, they are prepared on the page's thread once they are used.
 
 use std::{
     ops::Deref,
