@@ -145,9 +145,10 @@ fn switch(
         return;
     }
     for (figure, is_painted) in &figures {
-        match is_painted {
-            true => commands.entity(figure).remove::<StyledMesh>(),
-            false => commands.entity(figure).insert(StyledMesh::like(garden.0)),
-        };
+        if is_painted {
+            commands.entity(figure).remove::<StyledMesh>();
+        } else {
+            commands.entity(figure).insert(StyledMesh::like(garden.0));
+        }
     }
 }

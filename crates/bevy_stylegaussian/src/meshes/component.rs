@@ -20,10 +20,10 @@ use bevy::prelude::*;
 ///
 /// Once a mesh is painted, [`StyleApplied`](crate::StyleApplied) is sent for its entity, or
 /// [`StyleFailed`](crate::StyleFailed). A mesh must be a list of triangles, and it and its base color texture
-/// must be in main memory. It is split until its triangles are smaller than strokes, up to 262,144 of them:
-/// that many take as long to paint as the surface of a capture of 131,072 Gaussians. Meshes that share mesh,
-/// material and style share the result. While it is painted, an entity has another mesh and material; games
-/// that save their worlds remove this component first.
+/// must be in main memory. It is split until its triangles are smaller than strokes, up to 262,144 of them.
+/// Meshes that share mesh, material and style share the result. The material has two textures more for its
+/// fragments than Bevy's own, and is drawn forward. While it is painted, an entity has another mesh and
+/// material; games that save their worlds remove this component first.
 ///
 /// ```
 /// # use bevy::prelude::*;
