@@ -151,19 +151,18 @@ pub(super) fn write_prepass_depth(
     write_into_prepass(&mut writer, &mut context, (&extracted.retained_view_entity, depth), msaa, textures);
 }
 
+/// A view whose depth texture gets the depths of splats.
+type Deep = (
+    &'static ExtractedView,
+    &'static SplatDepth,
+    &'static Msaa,
+    &'static ViewDepthTexture,
+    Option<&'static ViewPrepassTextures>,
+    Has<DeferredPrepass>,
+);
+
 /// Writes a view's depths into its depth texture, and those of a deferred camera into its prepass.
-pub(super) fn write_view_depth(
-    view: ViewQuery<(
-        &ExtractedView,
-        &SplatDepth,
-        &Msaa,
-        &ViewDepthTexture,
-        Option<&ViewPrepassTextures>,
-        Has<DeferredPrepass>,
-    )>,
-    mut writer: Writer,
-    mut context: RenderContext,
-) {
+pub(super) fn write_view_depth(view: ViewQuery<Deep>, mut writer: Writer, mut context: RenderContext) {
     let (extracted, depth, msaa, texture, prepass, is_deferred) = view.into_inner();
     let view = (&extracted.retained_view_entity, depth);
     let attachment = texture.get_attachment(StoreOp::Store);

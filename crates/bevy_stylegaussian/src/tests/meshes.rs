@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bevy::{
-    asset::RenderAssetUsages, camera::ScalingMode, core_pipeline::tonemapping::Tonemapping,
+    asset::RenderAssetUsages, camera::ScalingMode, core_pipeline::tonemapping::Tonemapping, light::Skybox,
     mesh::VertexAttributeValues, prelude::*, render::render_resource::PrimitiveTopology,
 };
 use stylegaussian::strokes::{FINE_SIDE, StrokeTexture};

@@ -27,7 +27,7 @@ fn scene() -> Scene {
 }
 
 fn paint(stripe: usize) -> Paint {
-    let pixel = |i: usize| if i % 48 / stripe % 2 == 0 { [220, 170, 40] } else { [20, 40, 130] };
+    let pixel = |i: usize| if (i % 48 / stripe).is_multiple_of(2) { [220, 170, 40] } else { [20, 40, 130] };
     let used = (0..48 * 40).map(|i| i % 48 > 2).collect();
     Paint { width: 48, height: 40, pixels: (0..48 * 40).flat_map(pixel).collect(), used: Some(used) }
 }
