@@ -8,8 +8,10 @@ use stylegaussian::{
 
 use crate::{Layout, Source, float_constants, layout};
 
+mod composite;
 pub mod strokes;
 
+pub use composite::{CompositeKind, SplatComposite, SplatEdges, composite, edges};
 use strokes::{StrokeChunk, StrokeDraw, StrokeMotion};
 
 /// Invocations in a workgroup of every kernel of the pass.
@@ -123,12 +125,22 @@ fn source(label: &'static str, files: &[&str]) -> Source {
 
 /// Culls, projects and colors Gaussians, those of clouds with a mask or of clouds without.
 pub fn project(masked: bool) -> Source {
+    project_for(masked, include_str!("../wgsl/splat_one_eye.wgsl"))
+}
+
+/// The same for two eyes of one head.
+pub fn project_eyes(masked: bool) -> Source {
+    project_for(masked, include_str!("../wgsl/splat_two_eyes.wgsl"))
+}
+
+fn project_for(masked: bool, eyes: &str) -> Source {
     let sh = include_str!("../wgsl/splat_sh.wgsl");
     let mask = match masked {
         false => include_str!("../wgsl/splat_unmasked.wgsl"),
         true => include_str!("../wgsl/splat_masked.wgsl"),
     };
-    source("splat_project", &[RECORDS, CHUNK, sh, mask, include_str!("../wgsl/splat_project.wgsl")])
+    let kernel = include_str!("../wgsl/splat_project.wgsl");
+    source("splat_project", &[RECORDS, CHUNK, sh, mask, eyes, kernel])
 }
 
 /// Counts the digits of each batch. `serial` is for software adapters.
@@ -204,15 +216,6 @@ fn blend(tested: bool, colors: &[&str]) -> Source {
     source("splat_tiles_blend", &[&[RECORDS, TILES, depth, ROWS], colors, &[kernel]].concat())
 }
 
-/// Puts the layer over a picture of one sample per pixel, or of several.
-pub fn composite(multisampled: bool) -> Source {
-    let target = match multisampled {
-        false => include_str!("../wgsl/splat_composite_single.wgsl"),
-        true => include_str!("../wgsl/splat_composite_multi.wgsl"),
-    };
-    source("splat_composite", &[include_str!("../wgsl/splat_composite.wgsl"), target])
-}
-
 /// Undoes a tone mapping, once for all colors.
 pub fn inverse_table() -> Source {
     let tonemapping = include_str!("../wgsl/splat_tonemapping.wgsl");
@@ -224,6 +227,8 @@ pub fn sources() -> Vec<Source> {
     vec![
         project(false),
         project(true),
+        project_eyes(false),
+        project_eyes(true),
         sort_histogram(false),
         sort_scan(false),
         sort_scatter(false),
@@ -238,8 +243,11 @@ pub fn sources() -> Vec<Source> {
         tiles_scatter(),
         tiles_blend(false),
         tiles_blend(true),
-        composite(false),
-        composite(true),
+        composite(CompositeKind::Single),
+        composite(CompositeKind::Multi),
+        composite(CompositeKind::Resolved),
+        edges(false),
+        edges(true),
         inverse_table(),
         strokes::records(),
         strokes::draw(),
@@ -270,8 +278,8 @@ pub fn layouts() -> Vec<Layout> {
             sh_degree,
             flags,
             mask_shift,
-            padding_0,
-            padding_1,
+            least_variance,
+            least_opacity,
         }),
         layout!(PackedGaussian { mean, opacity, rotation, scales }),
         layout!(SplatCounts { n_records, n_visible }),
@@ -290,6 +298,7 @@ pub fn layouts() -> Vec<Layout> {
         layout!(SplatTiles { viewport, n_tiles, capacity, padding }),
         layout!(RunProgress { n_splats, n_tiles }),
         layout!(SplatComposite { exposure }),
+        layout!(SplatEdges { limit }),
         layout!(StrokeChunk {
             chunk,
             amount,
@@ -351,10 +360,10 @@ pub struct SplatChunk {
     pub flags: u32,
     /// Position of the mask's channel in a word, in bits.
     pub mask_shift: u32,
-    /// Unused.
-    pub padding_0: u32,
-    /// Unused.
-    pub padding_1: u32,
+    /// Splats with a smaller sum of their variances along x and y are culled, in px^2.
+    pub least_variance: f32,
+    /// Splats of less opacity are culled.
+    pub least_opacity: f32,
 }
 
 /// One Gaussian as the project kernel reads it.
@@ -445,12 +454,4 @@ pub struct RunProgress {
     pub n_splats: u32,
     /// Finished tiles of the next splat.
     pub n_tiles: u32,
-}
-
-/// The uniforms of the composite.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct SplatComposite {
-    /// The camera's factor on colors before tone mapping: 2^exposure of its color grading.
-    pub exposure: f32,
 }

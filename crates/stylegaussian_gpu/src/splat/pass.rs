@@ -1,9 +1,14 @@
 //! The splat pass as a whole: its pipelines, and the order of its stages.
 
+use std::sync::OnceLock;
+
+use glam::UVec2;
+
 use super::{
     camera::Camera,
     cloud::{self, Cloud},
     draw::{Draw, SplatPipeline},
+    edges::{EdgeLayers, Edges},
     error::SplatError,
     layer::Layer,
     project::Project,
@@ -23,6 +28,8 @@ pub struct SplatPass {
     pub(super) draw: Draw,
     /// The compute rasterizer of software adapters.
     tiles: Option<Tiles>,
+    /// What splits depth with several samples, compiled when it is asked for.
+    edges: OnceLock<Edges>,
 }
 
 impl SplatPass {
@@ -44,7 +51,13 @@ impl SplatPass {
 
     fn by_quads_with_store(device: &wgpu::Device, store: StrokeStore) -> Self {
         let project = Project::new(device, store);
-        Self { project, sort: Sort::new(device), draw: Draw::new(device), tiles: None }
+        Self {
+            project,
+            sort: Sort::new(device),
+            draw: Draw::new(device),
+            tiles: None,
+            edges: OnceLock::new(),
+        }
     }
 
     /// The textures of strokes. Clouds are drawn with strokes that were uploaded to it.
@@ -71,8 +84,14 @@ impl SplatPass {
         }
     }
 
-    /// The draw into a layer of [`LAYER_FORMAT`](super::LAYER_FORMAT) at `samples` samples. If `depth_format`
-    /// is given, splats are tested against a depth attachment of that format (reverse z).
+    /// Compiles what [`draw_edge_layers`](Self::draw_edge_layers) needs, in any thread, while others draw.
+    /// Without this call, the first such frame compiles it.
+    pub fn prepare_edges(&self, device: &wgpu::Device) {
+        self.edges.get_or_init(|| Edges::new(device));
+    }
+
+    /// The draw into a target of [`LAYER_FORMAT`](super::LAYER_FORMAT) at `samples` samples; layers have one.
+    /// If `depth_format` is given, splats are tested against a depth attachment of that format (reverse z).
     pub fn pipeline(
         &self,
         device: &wgpu::Device,
@@ -115,8 +134,9 @@ impl SplatPass {
             return Ok(());
         }
         view.reserve(device, &self.sort, &self.draw.layout, n_records)?;
+        view.set_paired(false);
         view.set_camera(queue, camera, n_records as u32);
-        let change = self.project.write(device, queue, view, camera, &drawn, settings);
+        let change = self.project.write(device, queue, view, (camera, None), &drawn, settings);
         if change == Change::Nothing {
             return Ok(());
         }
@@ -177,6 +197,37 @@ impl SplatPass {
         if let Some(lists) = view.lists(device, queue, tiles) {
             let strokes = strokes.as_ref().map(|group| (&self.project.strokes, group));
             tiles.blend(device, encoder, lists, (layer.color, layer.depth), strokes);
+        }
+    }
+
+    /// The textures of views with several samples per pixel, of `size` in pixels.
+    pub fn edge_layers(&self, device: &wgpu::Device, size: UVec2) -> EdgeLayers {
+        EdgeLayers::new(device, size, self.layer_usages())
+    }
+
+    /// Draws `view` for a target with several samples per pixel, once per pixel and twice where meshes end, and
+    /// clears `layers` first. `depth` is what the meshes left, reverse z with several samples, which shaders
+    /// may read. [`project_and_sort`](Self::project_and_sort) with `camera` comes before. `pipeline` is that
+    /// of one sample and `Depth32Float`.
+    #[expect(clippy::too_many_arguments, reason = "three of them are wgpu's own at every call")]
+    pub fn draw_edge_layers(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        encoder: &mut wgpu::CommandEncoder,
+        view: &mut SplatView,
+        camera: &Camera,
+        (layers, depth): (&EdgeLayers, &wgpu::TextureView),
+        pipeline: &SplatPipeline,
+    ) {
+        if let Some(edges) = view.edges(device, queue, camera) {
+            self.edges.get_or_init(|| Edges::new(device)).encode(device, encoder, edges, layers, depth);
+        }
+        for (color, depth) in
+            [(&layers.farther, &layers.farther_depth), (&layers.nearer, &layers.nearer_depth)]
+        {
+            let layer = Layer { color, depth: Some(depth) };
+            self.draw_layer(device, queue, encoder, view, &layer, pipeline);
         }
     }
 

@@ -10,6 +10,7 @@ use stylegaussian_shaders::splat::{
 
 use super::{
     camera::Camera,
+    edges::EdgeUniforms,
     error::SplatError,
     sort::{Sort, SortBuffers},
     strokes::{StrokeStage, ViewStrokes},
@@ -19,6 +20,10 @@ use crate::{
     bindings::bind_group,
     buffers::{self, TooLarge},
 };
+
+mod eyes;
+
+use eyes::EyeState;
 
 /// Bytes of one half of a record.
 const HALF_RECORD: u64 = 16;
@@ -46,9 +51,13 @@ pub struct SplatView {
     /// The sources of the records that are on the GPU.
     drawn: Vec<ChunkSource>,
     /// Left, top, width and height in pixels; `None` if there is nothing to draw.
-    viewport: Option<glam::UVec4>,
+    pub(super) viewport: Option<glam::UVec4>,
     /// Whether this frame shows clouds with strokes.
     is_painted: bool,
+    /// What is an edge, once a layer with several samples per pixel was drawn.
+    pub(super) edges: Option<EdgeUniforms>,
+    /// What this view shares with that of another eye.
+    eyes: EyeState,
 }
 
 /// The buffers with a size that depends on the number of records.
@@ -66,6 +75,8 @@ struct ViewBuffers {
     lists: Option<TileLists>,
     /// The strokes of the records, once a cloud with strokes was seen.
     strokes: Option<ViewStrokes>,
+    /// Whether `sort` is that of another view.
+    is_sorted_by_other: bool,
 }
 
 #[derive(Debug)]
@@ -114,7 +125,7 @@ struct ChunkSource {
 }
 
 /// The difference between a frame and the one that made the records on the GPU.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Change {
     /// There is none.
     Nothing,
@@ -234,15 +245,21 @@ impl SplatView {
         let (found, limit) = (Self::record_bytes(n_records), Self::record_limit(device));
         TooLarge::check("splats", found, limit)
             .map_err(|too_large| SplatError::TooManyGaussians { n_gaussians: n_records, too_large })?;
-        if self.buffers.as_ref().is_none_or(|buffers| buffers.n_records < n_records) {
-            // The old buffers go first, so that both are never in memory together.
-            self.buffers = None;
-            self.drawn.clear();
-            // Their group names the old buffers.
-            self.chunk_uniforms = None;
+        let is_own = |buffers: &ViewBuffers| !buffers.is_sorted_by_other && buffers.n_records >= n_records;
+        if !self.buffers.as_ref().is_some_and(is_own) {
+            self.release();
+            let sort = SortBuffers::new(device, sort, n_records);
             self.buffers = Some(ViewBuffers::new(device, sort, draw_layout, n_records));
         }
         Ok(())
+    }
+
+    /// Releases all buffers, e.g. before new ones, so that both are never in memory together.
+    fn release(&mut self) {
+        self.buffers = None;
+        self.drawn.clear();
+        // Their group names the old buffers.
+        self.chunk_uniforms = None;
     }
 
     /// Uploads the number of records in use and the viewport, if they changed.
@@ -433,7 +450,7 @@ impl SplatView {
 impl ViewBuffers {
     fn new(
         device: &wgpu::Device,
-        sort: &Sort,
+        sort: SortBuffers,
         draw_layout: &wgpu::BindGroupLayout,
         n_records: usize,
     ) -> Self {
@@ -442,7 +459,6 @@ impl ViewBuffers {
             buffers::create(device, label, HALF_RECORD * n_records as u64, usage)
         });
         let draw_uniforms = buffers::uniforms(device, "splat_draw", size_of::<SplatDraw>() as u64);
-        let sort = SortBuffers::new(device, sort, n_records);
         let bound = [&draw_uniforms, &sort.counts, &sort.record_indices, &geometry_halves, &color_halves];
         let resources = bound.map(wgpu::Buffer::as_entire_binding);
         let draw_group = bind_group(device, "splat_draw", draw_layout, &resources);
@@ -456,6 +472,7 @@ impl ViewBuffers {
             uploaded: None,
             lists: None,
             strokes: None,
+            is_sorted_by_other: false,
         }
     }
 }
