@@ -26,7 +26,7 @@
 //!   [`StylePrepare`](style::StylePrepare) prepares a loaded scene for the first.
 //!   [`StyleMask`] holds weights that are painted at run time, and [`MaskVisibility`] hides painted splats or
 //!   crops to them.
-//! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`].
+//! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`], [`SplatEyes`], [`SplatCuts`].
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
 //! - Resources: [`StyleMethod`](style::StyleMethod), [`StyleThreads`], and those of the
 //!   [decoder](style::decoder).
@@ -86,7 +86,7 @@ pub use picking::SplatRayCast;
 pub use plugin::StyleGaussianPlugin;
 #[doc(inline)]
 pub use scene::{FitScene, GaussianScene, GaussianSceneFailed, GaussianSplats};
-pub use splats::{SplatSortKey, SplatTonemapping};
+pub use splats::{SplatCuts, SplatEyes, SplatSortKey, SplatTonemapping};
 #[cfg(feature = "refine")]
 #[doc(inline)]
 pub use style::StyleRefine;
@@ -118,8 +118,9 @@ pub mod prelude {
     pub use crate::picking::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
     pub use crate::{
         AppliedStyle, FitScene, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
-        HiddenUntilStyled, MaskVisibility, SplatRayCast, SplatSortKey, SplatTonemapping, StyleApplied,
-        StyleFailed, StyleGaussianPlugin, StyleMask, StyleSource, StyleTransition, StyleVolume,
+        HiddenUntilStyled, MaskVisibility, SplatCuts, SplatEyes, SplatRayCast, SplatSortKey,
+        SplatTonemapping, StyleApplied, StyleFailed, StyleGaussianPlugin, StyleMask, StyleSource,
+        StyleTransition, StyleVolume,
         mask::{SavedMask, StyleMaskFailed},
         picking::SplatHit,
         style::{

@@ -18,6 +18,8 @@ use bevy::{
 use crate::scene::{device_serves, upload_scenes};
 
 mod camera;
+mod cuts;
+mod eyes;
 #[cfg(test)]
 mod held;
 mod living;
@@ -26,6 +28,8 @@ mod pipelines;
 mod view;
 
 pub use camera::{SplatSortKey, SplatTonemapping};
+pub use cuts::SplatCuts;
+pub use eyes::SplatEyes;
 
 #[cfg(test)]
 pub(crate) use held::Held;
@@ -39,7 +43,10 @@ pub(crate) struct SplatsPlugin;
 
 impl Plugin for SplatsPlugin {
     fn build(&self, app: &mut App) {
-        app.register_type::<SplatTonemapping>().register_type::<SplatSortKey>();
+        app.register_type::<SplatTonemapping>()
+            .register_type::<SplatSortKey>()
+            .register_type::<SplatCuts>()
+            .register_type::<SplatEyes>();
         // Apps without rendering, such as servers and tests, still load and style scenes.
         if app.get_sub_app(RenderApp).is_none() {
             return;
@@ -47,6 +54,8 @@ impl Plugin for SplatsPlugin {
         app.add_plugins((
             ExtractComponentPlugin::<SplatTonemapping>::default(),
             ExtractComponentPlugin::<SplatSortKey>::default(),
+            ExtractComponentPlugin::<SplatCuts>::default(),
+            ExtractComponentPlugin::<SplatEyes>::default(),
         ));
         app.sub_app_mut(RenderApp)
             .init_gpu_resource::<pipelines::SplatPipelines>()

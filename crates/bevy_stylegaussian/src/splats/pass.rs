@@ -20,8 +20,9 @@ use crate::{
 };
 
 use super::{
+    eyes::Pair,
     pipelines::{Ready, SplatPipelines},
-    view::{SplatViews, ViewSplats},
+    view::{Layer, SplatViews, ViewSplats},
 };
 
 /// Access to the GPU while encoding a view.
@@ -49,26 +50,30 @@ pub(super) fn draw_splats(
     mut context: RenderContext,
 ) {
     let (extracted, target, depth) = view.into_inner();
-    let Some(splats) = views.get_mut(&extracted.retained_view_entity) else { return };
+    let key = extracted.retained_view_entity;
     // Nothing to draw here is not an error: splats, pipelines or the table are still on their way.
-    let Some(plan) = splats.plan else { return };
-    let Some(ready) = pipelines.get(plan.samples, plan.composite) else { return };
-    let camera = splat::Camera {
-        world_from_view: extracted.world_from_view.affine(),
-        clip_from_view: extracted.clip_from_view,
-        viewport: plan.viewport,
+    let Some((plan, pair)) = views.get(&key).and_then(|splats| Some((splats.plan?, splats.pair))) else {
+        return;
     };
-    // The view keeps names and no borrows: a resource cannot hold references into other resources.
-    let drawn: Vec<splat::Cloud> = splats
-        .clouds
-        .iter()
-        .filter_map(|entity| {
-            let cloud = clouds.0.get(entity)?;
-            let (scene, colors) = (scenes.get(&cloud.scene)?, colors.get(*entity)?.at(clock.0));
-            let visibility = masks.visibility(*entity, scene.n_gaussians()).filter(|_| pipelines.has_masks());
-            Some(splat::Cloud { scene, colors, world_from_scene: cloud.world_from_scene, visibility })
-        })
-        .collect();
+    let Some(ready) = pipelines.get(plan.composite) else { return };
+    // Taken out while this one is changed.
+    let mut other = pair.and_then(|pair| Some((pair, views.take(&pair.other)?)));
+    let drawn = views.get_mut(&key).and_then(|splats| {
+        let camera = splats.camera.clone()?;
+        // The view keeps names and no borrows: a resource cannot hold references into other resources.
+        let seen: Vec<splat::Cloud> = splats
+            .clouds
+            .iter()
+            .filter_map(|entity| {
+                let cloud = clouds.0.get(entity)?;
+                let (scene, colors) = (scenes.get(&cloud.scene)?, colors.get(*entity)?.at(clock.0));
+                let visibility =
+                    masks.visibility(*entity, scene.n_gaussians()).filter(|_| pipelines.has_masks());
+                Some(splat::Cloud { scene, colors, world_from_scene: cloud.world_from_scene, visibility })
+            })
+            .collect();
+        Some((splats, camera, seen))
+    });
     let diagnostics = context.diagnostic_recorder();
     let mut gpu = Gpu {
         device: device.wgpu_device(),
@@ -76,28 +81,56 @@ pub(super) fn draw_splats(
         encoder: context.command_encoder(),
         diagnostics: diagnostics.as_deref(),
     };
+    if let Some((splats, camera, seen)) = drawn {
+        let beside = other.as_mut().map(|(pair, other)| (*pair, other));
+        if let Err(error) = sort(&mut gpu, &ready, splats, beside, &camera, &seen, &plan.settings) {
+            refuse(splats, &reports, &error.to_string());
+        } else {
+            // A later refusal is reported again, since it has another cause: other clouds, or a larger target.
+            splats.refused = false;
+            draw_layer(&mut gpu, &ready, splats, &camera, depth);
+            if !plan.after_tonemapping {
+                composite(&mut gpu, &ready, splats, target.get_color_attachment());
+            }
+        }
+    }
+    if let Some((pair, other)) = other {
+        views.insert(pair.other, other);
+    }
+}
+
+/// Projects and sorts a view's splats, and with them those of the other eye, if there is one.
+fn sort(
+    gpu: &mut Gpu,
+    ready: &Ready,
+    splats: &mut ViewSplats,
+    other: Option<(Pair, &mut ViewSplats)>,
+    camera: &splat::Camera,
+    seen: &[splat::Cloud],
+    settings: &splat::SplatSettings,
+) -> Result<(), splat::SplatError> {
+    // The other eye's camera came first in this frame.
+    if std::mem::take(&mut splats.is_sorted) {
+        return Ok(());
+    }
     let span = gpu.diagnostics.time_span(gpu.encoder, splats.span("splat_project_and_sort"));
-    let sorted = ready.passes.splat.project_and_sort(
-        gpu.device,
-        gpu.queue,
-        gpu.encoder,
-        &mut splats.buffers,
-        &camera,
-        &drawn,
-        &plan.settings,
-    );
-    span.end(gpu.encoder);
+    let pass = &ready.passes.splat;
+    let Gpu { device, queue, encoder, .. } = gpu;
+    let sorted = match other.and_then(|(pair, other)| Some((pair, other.camera.clone()?, other))) {
+        None => pass.project_and_sort(device, queue, encoder, &mut splats.buffers, camera, seen, settings),
+        Some((pair, beside, other)) => {
+            other.is_sorted = true;
+            let (mut views, mut cameras) = ([&mut splats.buffers, &mut other.buffers], [camera, &beside]);
+            if !pair.is_first {
+                views.reverse();
+                cameras.reverse();
+            }
+            pass.project_and_sort_eyes(device, queue, encoder, views, cameras, seen, settings)
+        }
+    };
     // The span is ended before an early return: one that is left open would be logged as an error.
-    if let Err(error) = sorted {
-        refuse(splats, &reports, &error.to_string());
-        return;
-    }
-    // A later refusal is reported again, since it has another cause: other clouds, or a larger target.
-    splats.refused = false;
-    draw_layer(&mut gpu, &ready, splats, depth);
-    if !plan.after_tonemapping {
-        composite(&mut gpu, &ready, splats, target.get_color_attachment());
-    }
+    span.end(gpu.encoder);
+    sorted
 }
 
 /// Reports why the view shows no splats, unless it did so before.
@@ -114,13 +147,28 @@ fn refuse(splats: &mut ViewSplats, reports: &Reports<SceneRefused>, reason: &str
 }
 
 /// Blends splats in the view's layer.
-fn draw_layer(gpu: &mut Gpu, ready: &Ready, splats: &mut ViewSplats, depth: &ViewDepthTexture) {
+fn draw_layer(
+    gpu: &mut Gpu,
+    ready: &Ready,
+    splats: &mut ViewSplats,
+    camera: &splat::Camera,
+    depth: &ViewDepthTexture,
+) {
     let name = splats.span("splat_draw");
     let Some((layer, buffers)) = splats.layer_and_buffers() else { return };
-    let layer =
-        splat::Layer { color: &layer.color, resolved: layer.resolved.as_ref(), depth: Some(depth.view()) };
     let span = gpu.diagnostics.time_span(gpu.encoder, name);
-    ready.passes.splat.draw_layer(gpu.device, gpu.queue, gpu.encoder, buffers, &layer, ready.draw);
+    let (pass, depth) = (&ready.passes.splat, depth.view());
+    match layer {
+        Layer::Single(color, _) => {
+            let layer = splat::Layer { color, depth: Some(depth) };
+            pass.draw_layer(gpu.device, gpu.queue, gpu.encoder, buffers, &layer, ready.draw);
+        }
+        Layer::Edges(layers) => {
+            let target = (layers, &**depth);
+            let Gpu { device, queue, encoder, .. } = gpu;
+            pass.draw_edge_layers(device, queue, encoder, buffers, camera, target, ready.draw);
+        }
+    }
     span.end(gpu.encoder);
 }
 
@@ -153,7 +201,7 @@ pub(super) fn composite_after_tonemapping(
     let (extracted, target) = view.into_inner();
     let Some(splats) = views.get(&extracted.retained_view_entity) else { return };
     let Some(plan) = splats.plan.filter(|plan| plan.after_tonemapping) else { return };
-    let Some(ready) = pipelines.get(plan.samples, plan.composite) else { return };
+    let Some(ready) = pipelines.get(plan.composite) else { return };
     // Written out: the target's own attachment would be the multisampled texture, which tonemapping has left
     // behind.
     let image = RenderPassColorAttachment {

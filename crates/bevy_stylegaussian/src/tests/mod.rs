@@ -7,6 +7,7 @@
 mod background;
 mod demo_scene;
 mod diagnostics;
+mod eyes;
 mod formats;
 #[cfg(feature = "images")]
 mod hand;
