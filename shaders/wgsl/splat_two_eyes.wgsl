@@ -36,10 +36,10 @@ fn seen(gaussian: PackedGaussian) -> Projected {
     chunk = own_eye;
     own.visible = own.visible || beside.visible;
     // In world units: a cloud's transform may have a scale.
-    let from = gaussian.mean - chunk.eye.xyz;
-    let x = dot(chunk.view_from_scene_x.xyz, from);
-    let y = dot(chunk.view_from_scene_y.xyz, from);
-    own.distance = length(vec3(x, y, dot(chunk.view_from_scene_z.xyz, from)));
+    let ray = gaussian.mean - chunk.eye.xyz;
+    let x = dot(chunk.view_from_scene_x.xyz, ray);
+    let y = dot(chunk.view_from_scene_y.xyz, ray);
+    own.distance = length(vec3(x, y, dot(chunk.view_from_scene_z.xyz, ray)));
     return own;
 }
 
