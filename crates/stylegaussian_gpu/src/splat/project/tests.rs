@@ -349,7 +349,7 @@ fn only_what_changed_is_done_again() {
     let mut change = |camera: &Camera, cloud: &Cloud| {
         view.clear();
         view.reserve(device, &pass.sort, &pass.draw.layout, 50).unwrap();
-        pass.project.write(device, queue, &mut view, camera, &[cloud], &SplatSettings::default())
+        pass.project.write(device, queue, &mut view, (camera, None), &[cloud], &SplatSettings::default())
     };
     assert_eq!(change(&camera, &plain), Change::Order);
     assert_eq!(change(&camera, &plain), Change::Nothing);
