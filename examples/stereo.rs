@@ -1,7 +1,7 @@
 //! Two eyes side by side. Both look straight ahead. Asymmetric frusta, as in headsets, make their images agree
 //! at the distance of the screen; the eyes are not turned. Look at the left image with the left eye and at the
-//! right one with the right eye. Parallel eyes see every splat at the same depth, so both blend splats in the
-//! same order.
+//! right one with the right eye. `SplatEyes` makes a pair of the two cameras: both blend splats in the same
+//! order and in the same colors, which are computed once.
 //!
 //! ```sh
 //! cargo run --release --example stereo
@@ -95,11 +95,12 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn((GaussianSplats(assets.load("demo.sgs")), StyleSource::preset(style), HiddenUntilStyled));
     let head = Transform::from_xyz(0.0, 4.2, 11.2).looking_at(Vec3::ZERO, Vec3::Y);
     commands.spawn((head, Visibility::default())).with_children(|head| {
+        let mut other = None;
         for (order, x) in [-0.5 * EYE_DISTANCE, 0.5 * EYE_DISTANCE].into_iter().enumerate() {
             // An eye left of the head has its screen to the right of it, and the other way round.
             let middle = Vec2::new(-x / SCREEN_DISTANCE, 0.0);
             let eye = OffAxis { half_size: Vec2::splat(0.5), middle, near: 0.1 };
-            head.spawn((
+            let mut eye = head.spawn((
                 Camera3d::default(),
                 Camera { order: order as isize, ..default() },
                 Projection::custom(eye),
@@ -107,6 +108,11 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
                 Msaa::Off,
                 Transform::from_xyz(x, 0.0, 0.0),
             ));
+            // One of the two names the other.
+            if let Some(other) = other {
+                eye.insert(SplatEyes(other));
+            }
+            other = Some(eye.id());
         }
     });
 }

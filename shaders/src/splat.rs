@@ -8,12 +8,13 @@ use stylegaussian::{
 
 use crate::{Layout, Source, float_constants, layout};
 
+mod composite;
 pub mod depth;
 pub mod light;
 pub mod strokes;
 
+pub use composite::{CompositeKind, SplatComposite, SplatEdges, composite, edges};
 use depth::SplatIso;
-use light::{FogSun, ShadowCascade, SplatLight, SplatShadows};
 use strokes::{StrokeChange, StrokeChunk, StrokeDraw, StrokeMotion};
 
 /// Invocations in a workgroup of every kernel of the pass.
@@ -127,12 +128,22 @@ fn source(label: &'static str, files: &[&str]) -> Source {
 
 /// Culls, projects and colors Gaussians, those of clouds with a mask or of clouds without.
 pub fn project(masked: bool) -> Source {
+    project_for(masked, include_str!("../wgsl/splat_one_eye.wgsl"))
+}
+
+/// The same for two eyes of one head.
+pub fn project_eyes(masked: bool) -> Source {
+    project_for(masked, include_str!("../wgsl/splat_two_eyes.wgsl"))
+}
+
+fn project_for(masked: bool, eyes: &str) -> Source {
     let sh = include_str!("../wgsl/splat_sh.wgsl");
     let mask = match masked {
         false => include_str!("../wgsl/splat_unmasked.wgsl"),
         true => include_str!("../wgsl/splat_masked.wgsl"),
     };
-    source("splat_project", &[RECORDS, CHUNK, sh, mask, include_str!("../wgsl/splat_project.wgsl")])
+    let kernel = include_str!("../wgsl/splat_project.wgsl");
+    source("splat_project", &[RECORDS, CHUNK, sh, mask, eyes, kernel])
 }
 
 /// Counts the digits of each batch. `serial` is for software adapters.
@@ -208,16 +219,6 @@ fn blend(tested: bool, colors: &[&str]) -> Source {
     source("splat_tiles_blend", &[&[RECORDS, TILES, depth, ROWS], colors, &[kernel]].concat())
 }
 
-/// Puts the layer over a picture of one sample per pixel, or of several.
-pub fn composite(multisampled: bool) -> Source {
-    let target = match multisampled {
-        false => include_str!("../wgsl/splat_composite_single.wgsl"),
-        true => include_str!("../wgsl/splat_composite_multi.wgsl"),
-    };
-    let composite = include_str!("../wgsl/splat_composite.wgsl");
-    source("splat_composite", &[&light::twin_constants(), light::INVERSE, composite, target])
-}
-
 /// Undoes a tone mapping, once for all colors.
 pub fn inverse_table() -> Source {
     source("splat_inverse_table", &[light::TONEMAPPING, include_str!("../wgsl/splat_inverse_table.wgsl")])
@@ -228,6 +229,8 @@ pub fn sources() -> Vec<Source> {
     vec![
         project(false),
         project(true),
+        project_eyes(false),
+        project_eyes(true),
         sort_histogram(false),
         sort_scan(false),
         sort_scatter(false),
@@ -242,8 +245,11 @@ pub fn sources() -> Vec<Source> {
         tiles_scatter(),
         tiles_blend(false),
         tiles_blend(true),
-        composite(false),
-        composite(true),
+        composite(CompositeKind::Single),
+        composite(CompositeKind::Multi),
+        composite(CompositeKind::Resolved),
+        edges(false),
+        edges(true),
         inverse_table(),
         light::light(false),
         light::light(true),
@@ -261,7 +267,7 @@ pub fn sources() -> Vec<Source> {
 
 /// Every struct that the splat pass shares with Rust.
 pub fn layouts() -> Vec<Layout> {
-    vec![
+    let mut layouts = vec![
         layout!(SplatChunk {
             view_from_scene_x,
             view_from_scene_y,
@@ -281,8 +287,8 @@ pub fn layouts() -> Vec<Layout> {
             sh_degree,
             flags,
             mask_shift,
-            padding_0,
-            padding_1,
+            least_variance,
+            least_opacity,
         }),
         layout!(PackedGaussian { mean, opacity, rotation, scales }),
         layout!(SplatCounts { n_records, n_visible }),
@@ -301,42 +307,8 @@ pub fn layouts() -> Vec<Layout> {
         layout!(SplatTiles { viewport, n_tiles, capacity, padding }),
         layout!(RunProgress { n_splats, n_tiles }),
         layout!(SplatComposite { exposure }),
-        layout!(FogSun { direction, padding_0, glow, padding_1 }),
-        layout!(SplatLight {
-            view_from_clip_x,
-            view_from_clip_y,
-            view_from_clip_z,
-            view_from_clip_w,
-            viewport,
-            tint_red,
-            tint_green,
-            tint_blue,
-            fog_color,
-            fog_strength,
-            extinction,
-            falloff,
-            inscattering,
-            exponent,
-            suns,
-            n_suns,
-            first_record,
-            n_records,
-            has_strokes,
-            exposure,
-            shadow_amount,
-            padding_0,
-            padding_1,
-        }),
-        layout!(ShadowCascade {
-            clip_from_view_x,
-            clip_from_view_y,
-            clip_from_view_z,
-            clip_from_view_w,
-            offset,
-            far,
-        }),
-        layout!(SplatShadows { cascades, n_cascades, padding_0, padding_1, padding_2 }),
         layout!(SplatIso { viewport, threshold, slice, padding_0, padding_1 }),
+        layout!(SplatEdges { limit }),
         layout!(StrokeChunk {
             chunk,
             amount,
@@ -356,7 +328,9 @@ pub fn layouts() -> Vec<Layout> {
         layout!(StrokeMotion { toward, first, end, kind, phase, amount }),
         layout!(StrokeSeed { at, pitch, rotation_xy, rotation_z_aspect, place, look }),
         layout!(StrokeDraw { near, n_lights, is_stable, scale_octaves }),
-    ]
+    ];
+    layouts.extend(light::layouts());
+    layouts
 }
 
 /// One chunk of one cloud as one camera sees it. View space is x right, y up, z backward. Matrices are stored
@@ -400,10 +374,10 @@ pub struct SplatChunk {
     pub flags: u32,
     /// Position of the mask's channel in a word, in bits.
     pub mask_shift: u32,
-    /// Unused.
-    pub padding_0: u32,
-    /// Unused.
-    pub padding_1: u32,
+    /// Splats with a smaller sum of their variances along x and y are culled, in px^2.
+    pub least_variance: f32,
+    /// Splats of less opacity are culled.
+    pub least_opacity: f32,
 }
 
 /// One Gaussian as the project kernel reads it.
@@ -494,12 +468,4 @@ pub struct RunProgress {
     pub n_splats: u32,
     /// Finished tiles of the next splat.
     pub n_tiles: u32,
-}
-
-/// The uniforms of the composite.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct SplatComposite {
-    /// The camera's factor on colors before tone mapping: 2^exposure of its color grading.
-    pub exposure: f32,
 }

@@ -33,8 +33,10 @@ struct SplatChunk {
     flags: u32,
     /// Position of the mask's channel in a word, in bits.
     mask_shift: u32,
-    padding_0: u32,
-    padding_1: u32,
+    /// Splats with a smaller sum of their variances along x and y are culled, in px^2.
+    least_variance: f32,
+    /// Splats of less opacity are culled.
+    least_opacity: f32,
 }
 
 /// One Gaussian, 32 bytes.

@@ -1,4 +1,4 @@
-// Puts the layer of splats over the picture, sample by sample: a triangle over the whole viewport.
+// Puts the layer of splats over the picture: a triangle over the whole viewport.
 
 /// The uniforms of the composite.
 struct SplatComposite {
@@ -31,9 +31,8 @@ fn composited(texel: vec4<f32>) -> vec4<f32> {
     return vec4(color * texel.a, texel.a);
 }
 
-@vertex
-fn splat_composite_vertex(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4<f32> {
-    // One triangle that covers the viewport: (-1, -1), (3, -1), (-1, 3).
+/// Corner 0, 1 or 2 of a triangle that covers the viewport: (-1, -1), (3, -1), (-1, 3).
+fn covering(corner: u32) -> vec4<f32> {
     let at = vec2(f32(corner & 1u), f32(corner >> 1u));
     return vec4(at * 4.0 - 1.0, 0.0, 1.0);
 }

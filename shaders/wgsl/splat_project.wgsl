@@ -6,7 +6,6 @@
 // = P p, a pixel coordinate is clip.x / clip.w up to scale, and its gradient is (P_x - (clip.x / clip.w) P_w) /
 // clip.w. Perspective, off-axis and orthographic cameras differ in P only.
 
-@group(0) @binding(0) var<uniform> chunk: SplatChunk;
 @group(0) @binding(1) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(2) var<storage, read_write> geometry_halves: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> color_halves: array<vec4<u32>>;
@@ -57,7 +56,8 @@ fn project(gaussian: PackedGaussian) -> Projected {
     let w = dot(chunk.clip_from_view_w, view);
     // Comparisons with NaN are false, so these conditions also cull NaN.
     let in_front = -view.z > chunk.near && w > 0.0 && clip.z >= 0.0 && clip.z <= w;
-    if !(in_front && gaussian.opacity >= MIN_ALPHA) {
+    let least_opacity = max(MIN_ALPHA, chunk.least_opacity);
+    if !(in_front && gaussian.opacity >= least_opacity) {
         return out;
     }
     let ndc = clip.xy / w;
@@ -71,9 +71,10 @@ fn project(gaussian: PackedGaussian) -> Projected {
     let j_y = -half_size.y / w * (chunk.clip_from_view_y.xyz - at.y * chunk.clip_from_view_w.xyz);
     let row_x = footprint_axis(gaussian, j_x);
     let row_y = footprint_axis(gaussian, j_y);
-    let a = dot(row_x, row_x) + LOW_PASS;
+    let variances = vec2(dot(row_x, row_x), dot(row_y, row_y));
+    let a = variances.x + LOW_PASS;
     let b = dot(row_x, row_y);
-    let c = dot(row_y, row_y) + LOW_PASS;
+    let c = variances.y + LOW_PASS;
     // Lagrange's identity gives a c - b^2 as a sum of positive terms; the difference itself would cancel on
     // needles.
     let normal = cross(row_x, row_y);
@@ -84,7 +85,7 @@ fn project(gaussian: PackedGaussian) -> Projected {
         // The sum of a splat is proportional to its opacity and the root of its determinant, and stays as it
         // was before the low-pass (Yu et al., "Mip-Splatting", 2024).
         opacity *= sqrt(det_before / det);
-        if !(opacity >= MIN_ALPHA) {
+        if !(opacity >= least_opacity) {
             return out;
         }
     }
@@ -93,7 +94,8 @@ fn project(gaussian: PackedGaussian) -> Projected {
     let reach = sqrt(cutoff(opacity) * vec2(a, c));
     let offset = abs(center - (chunk.viewport.xy + half_size));
     let inside = all(offset <= half_size + reach);
-    out.visible = inside && det < HUGE && all(abs(center) < vec2(HUGE));
+    let is_large = variances.x + variances.y >= chunk.least_variance;
+    out.visible = inside && is_large && det < HUGE && all(abs(center) < vec2(HUGE));
     out.splat.center = center;
     out.splat.slope = b / c;
     out.splat.row_precision = c / det;
@@ -150,6 +152,7 @@ fn splat_project(
     @builtin(num_workgroups) n_workgroups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
+    begin();
     // Large chunks take two dimensions of workgroups: one is limited to 65,535.
     let index = (workgroup.y * n_workgroups.x + workgroup.x) * WORKGROUP + lane;
     if index >= chunk.n_gaussians {
@@ -158,7 +161,7 @@ fn splat_project(
     let record = chunk.first_record + index;
     var gaussian = gaussians[index];
     gaussian.opacity = shown_opacity(gaussian.opacity, index);
-    var projected = project(gaussian);
+    var projected = seen(gaussian);
     if !projected.visible {
         keys[record] = INVISIBLE;
         return;
@@ -167,4 +170,5 @@ fn splat_project(
     keys[record] = sort_key(projected.distance);
     geometry_halves[record] = packed_geometry(projected.splat);
     color_halves[record] = packed_color(projected.splat);
+    write_other_eye(record, projected.splat.color);
 }

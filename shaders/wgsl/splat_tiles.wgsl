@@ -20,6 +20,10 @@ struct Reach {
 }
 
 fn reach(splat: Splat) -> Reach {
+    if splat.opacity < MIN_ALPHA {
+        // Into none.
+        return Reach(vec2(1u, 0u), vec2(0u));
+    }
     let k = cutoff(splat.opacity);
     // Half the width of an ellipse's bounding box is the square root of cutoff times variance.
     let variance_y = 1.0 / splat.y_precision;

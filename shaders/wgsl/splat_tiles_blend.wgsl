@@ -24,6 +24,9 @@ fn splat_tiles_blend(
     if tile > 0u {
         i = end_of_list(tile - 1u);
     }
+    if are_hidden(row_0.depth, row_1.depth, row_2.depth, row_3.depth) {
+        i = end;
+    }
     blend_list(&row_0, &row_1, &row_2, &row_3, i, end, middle);
     let end_pixel = vec2<u32>(tiles.viewport.xy + tiles.viewport.zw);
     store(row_0, pixel, end_pixel);

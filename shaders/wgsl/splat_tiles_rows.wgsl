@@ -94,3 +94,8 @@ fn splat_of(record: u32) -> Splat {
 fn are_finished(light_0: vec4<f32>, light_1: vec4<f32>, light_2: vec4<f32>, light_3: vec4<f32>) -> bool {
     return all(max(max(light_0, light_1), max(light_2, light_3)) < vec4(MIN_LIGHT));
 }
+
+/// Whether no splat is before what four rows show: it is at the near plane.
+fn are_hidden(depth_0: vec4<f32>, depth_1: vec4<f32>, depth_2: vec4<f32>, depth_3: vec4<f32>) -> bool {
+    return all(min(min(depth_0, depth_1), min(depth_2, depth_3)) >= vec4(1.0));
+}

@@ -29,8 +29,8 @@
 //!   [`SplatShadows`] lets meshes cast shadows on it.
 //! - Components of meshes and of skies, with the feature `meshes`: `StyledMesh` and `StyledSky` paint them as a
 //!   capture beside them is.
-//! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`], [`SplatDepth`]; Bevy's `DistanceFog` reaches
-//!   splats, too.
+//! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`], [`SplatDepth`], [`SplatEyes`], [`SplatCuts`];
+//!   Bevy's `DistanceFog` reaches splats, too.
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
 //! - Resources: [`StyleMethod`](style::StyleMethod), [`StyleThreads`], and those of the
 //!   [decoder](style::decoder).
@@ -97,7 +97,7 @@ pub use picking::SplatRayCast;
 pub use plugin::StyleGaussianPlugin;
 #[doc(inline)]
 pub use scene::{FitScene, GaussianScene, GaussianSceneFailed, GaussianSplats};
-pub use splats::{SplatDepth, SplatShadows, SplatSortKey, SplatTint, SplatTonemapping};
+pub use splats::{SplatCuts, SplatDepth, SplatEyes, SplatShadows, SplatSortKey, SplatTint, SplatTonemapping};
 #[cfg(feature = "refine")]
 #[doc(inline)]
 pub use style::StyleRefine;
@@ -129,9 +129,9 @@ pub mod prelude {
     pub use crate::picking::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
     pub use crate::{
         AppliedStyle, FitScene, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
-        HiddenUntilStyled, MaskVisibility, SplatDepth, SplatRayCast, SplatShadows, SplatSortKey, SplatTint,
-        SplatTonemapping, StyleApplied, StyleFailed, StyleGaussianPlugin, StyleMask, StyleSource,
-        StyleTransition, StyleVolume,
+        HiddenUntilStyled, MaskVisibility, SplatCuts, SplatDepth, SplatEyes, SplatRayCast, SplatShadows,
+        SplatSortKey, SplatTint, SplatTonemapping, StyleApplied, StyleFailed, StyleGaussianPlugin, StyleMask,
+        StyleSource, StyleTransition, StyleVolume,
         mask::{SavedMask, StyleMaskFailed},
         picking::SplatHit,
         style::{

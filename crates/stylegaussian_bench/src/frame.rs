@@ -114,7 +114,7 @@ impl<'a> Stage<'a> {
             frame: 0,
             draw: pass.pipeline(device, 1, None),
             over: composite.pipeline(device, TARGET, 1, CompositeMode::LinearFromSrgb),
-            input: composite.bind(device, &layer, 1, None),
+            input: composite.bind(device, &layer, None),
             pass,
             composite,
             layer,
@@ -161,7 +161,7 @@ impl<'a> Stage<'a> {
 
     fn draw(&mut self, encoder: &mut wgpu::CommandEncoder, i: usize) {
         let Gpu { device, queue, .. } = self.gpu;
-        let layer = Layer { color: &self.layer, resolved: None, depth: None };
+        let layer = Layer { color: &self.layer, depth: None };
         self.pass.draw_layer(device, queue, encoder, &mut self.views[i], &layer, &self.draw);
     }
 

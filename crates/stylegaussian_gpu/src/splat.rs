@@ -8,9 +8,13 @@
 //! 2. *sort* (`sort`): one radix sort over the visible splats of all clouds, so that clouds interleave where
 //!    they overlap;
 //! 3. *draw* (`draw`): one indirect draw of quads, back to front, premultiplied over, into a *layer* of the
-//!    target's size and sample count. Splats blend there among themselves, display-referred. On software
-//!    adapters a tiled compute rasterizer (`tiles`) draws layers of one sample per pixel, four times as fast;
+//!    target's size. Splats blend there among themselves, display-referred. On software adapters a tiled
+//!    compute rasterizer (`tiles`) draws layers, four times as fast. Layers have one sample per pixel. For
+//!    targets with several, splats are drawn once more where meshes end (`edges`);
 //! 4. *composite* (`composite`): puts the layer over the picture, in the picture's own space.
+//!
+//! Two eyes of one head share stages 1 and 2 (`eyes`): one kernel projects for both, from one order and one
+//! color.
 //!
 //! Record indices are fixed, so the order of equal depths never changes between frames. Clouds behind a mask
 //! have a variant of *project* that is compiled at its first use. The sort is skipped while nothing moves.
@@ -29,7 +33,9 @@ mod cloud;
 mod composite;
 mod depth;
 mod draw;
+mod edges;
 mod error;
+mod eyes;
 mod headless;
 mod layer;
 mod light;
@@ -50,6 +56,7 @@ pub use cloud::{Cloud, CloudColors, CloudVisibility};
 pub use composite::{Composite, CompositeInput, CompositeMode, CompositePipeline};
 pub use depth::{DepthPipeline, IsoDepth};
 pub use draw::SplatPipeline;
+pub use edges::EdgeLayers;
 pub use error::SplatError;
 pub use headless::{Headless, HeadlessError, Picture};
 pub use layer::{LAYER_FORMAT, Layer};
@@ -57,7 +64,7 @@ pub use light::{Shadows, ViewLight};
 pub use pass::SplatPass;
 pub(crate) use scene::Ball;
 pub use scene::GpuScene;
-pub use settings::{SortKey, SplatSettings};
+pub use settings::{SortKey, SplatCuts, SplatSettings};
 pub use strokes::PaintedColors;
 pub use tonemapping::{InverseTable, ToneCurve, Tonemapping};
 pub use view::SplatView;

@@ -27,7 +27,7 @@ fn composited(
     let HeadlessDevice { device, queue, .. } = gpu;
     let composite = Composite::new(device);
     let pipeline = composite.pipeline(device, format, 1, mode);
-    let input = composite.bind(device, &layer_of(gpu, layer, WIDTH), 1, table);
+    let input = composite.bind(device, &layer_of(gpu, layer, WIDTH), table);
     input.set_exposure(queue, stops);
     let height = layer.len() as u32 / WIDTH;
     let target = texture(device, [WIDTH, height], format, 1);

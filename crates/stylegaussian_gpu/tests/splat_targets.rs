@@ -21,7 +21,7 @@ use stylegaussian_gpu::{
         SortKey, SplatPass, SplatSettings, SplatView,
     },
 };
-use target::{gpu, pass, read, texture};
+use target::{composite_edges, edge_layers, gpu, pass, read, resolved, texture};
 use wgpu::TextureFormat::{Depth32Float, Rgba16Float};
 
 /// Width and height of most pictures, in pixels: the center of pixel (4, 4) lies on the axis.
@@ -130,15 +130,19 @@ impl Target {
 
     /// Draws the same by the adapter's fastest way, into the cleared layer.
     fn splat_layer(&self, gpu: &HeadlessDevice, scene: &Scene, rgb: &[[f32; 3]], camera: &Camera) {
-        self.layer(gpu, sorted(gpu, scene, rgb, None, camera));
+        self.layer(gpu, sorted(gpu, scene, rgb, None, camera), camera);
     }
 
-    fn layer(&self, gpu: &HeadlessDevice, (splats, mut view): (SplatPass, SplatView)) {
+    fn layer(&self, gpu: &HeadlessDevice, (splats, mut view): (SplatPass, SplatView), camera: &Camera) {
+        if self.samples > 1 {
+            let layers = edge_layers(gpu, &splats, &mut view, camera, &self.depth);
+            return composite_edges(gpu, &layers, self.samples, &self.color);
+        }
         let HeadlessDevice { device, queue, .. } = gpu;
-        let pipeline = splats.pipeline(device, self.samples, Some(Depth32Float));
+        let pipeline = splats.pipeline(device, 1, Some(Depth32Float));
         let [color, depth] =
             [&self.color, &self.depth].map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
-        let layer = Layer { color: &color, resolved: None, depth: Some(&depth) };
+        let layer = Layer { color: &color, depth: Some(&depth) };
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         splats.draw_layer(device, queue, &mut encoder, &mut view, &layer, &pipeline);
         queue.submit([encoder.finish()]);
@@ -147,18 +151,17 @@ impl Target {
     /// The layer over `background`, its samples averaged.
     fn composited(&self, gpu: &HeadlessDevice, background: wgpu::Color) -> Vec<[f32; 4]> {
         let device = &gpu.device;
-        let (width, height) = (self.color.width(), self.color.height());
+        let size = [self.color.width(), self.color.height()];
+        let single = resolved(gpu, &self.color);
         let composite = Composite::new(device);
-        let pipeline = composite.pipeline(device, Rgba16Float, self.samples, CompositeMode::Encoded);
-        let layer = self.color.create_view(&wgpu::TextureViewDescriptor::default());
-        let input = composite.bind(device, &layer, self.samples, None);
-        let target = texture(device, [width, height], Rgba16Float, self.samples);
-        let single = texture(device, [width, height], Rgba16Float, 1);
-        let resolve = (self.samples > 1).then_some(&single);
-        pass(gpu, &target, resolve, background, |pass| {
-            composite.draw(pass, &pipeline, &input, UVec4::new(0, 0, width, height));
+        let pipeline = composite.pipeline(device, Rgba16Float, 1, CompositeMode::Encoded);
+        let layer = single.create_view(&wgpu::TextureViewDescriptor::default());
+        let input = composite.bind(device, &layer, None);
+        let target = texture(device, size, Rgba16Float, 1);
+        pass(gpu, &target, None, background, |pass| {
+            composite.draw(pass, &pipeline, &input, UVec4::new(0, 0, size[0], size[1]));
         });
-        read(gpu, resolve.unwrap_or(&target))
+        read(gpu, &target)
     }
 }
 
@@ -222,13 +225,18 @@ fn walls_hide_sample_by_sample() {
     draw_wall(&gpu, &layer);
     // So large that it is the same everywhere.
     let behind = scene(&[(Vec3::new(0.0, 0.0, -2.0), Vec3::splat(100.0), 0.8)]);
+    let check = || {
+        let picture = layer.composited(&gpu, wgpu::Color::BLACK);
+        let row = &picture[CENTER - 4..CENTER + 5];
+        let expected = [0.0, 0.0, 0.0, 0.0, 0.4, 0.8, 0.8, 0.8, 0.8];
+        for (pixel, expected) in row.iter().zip(expected) {
+            near(*pixel, [expected, expected, expected, 1.0]);
+        }
+    };
     layer.splat(&gpu, &behind, &[WHITE], &pinhole());
-    let picture = layer.composited(&gpu, wgpu::Color::BLACK);
-    let row = &picture[CENTER - 4..CENTER + 5];
-    let expected = [0.0, 0.0, 0.0, 0.0, 0.4, 0.8, 0.8, 0.8, 0.8];
-    for (pixel, expected) in row.iter().zip(expected) {
-        near(*pixel, [expected, expected, expected, 1.0]);
-    }
+    check();
+    layer.splat_layer(&gpu, &behind, &[WHITE], &pinhole());
+    check();
 }
 
 /// The same wall with one sample per pixel: a pixel is hidden if its middle lies on the wall.
@@ -274,7 +282,7 @@ fn walls_hide_strokes_behind_them() {
         let splats = || sorted(&gpu, &whole, &grays(whole.len()), Some(&painting), &camera);
         layer.by_quads(&gpu, splats());
         let by_quads = psnr(&layer.composited(&gpu, wgpu::Color::TRANSPARENT), &expected);
-        layer.layer(&gpu, splats());
+        layer.layer(&gpu, splats(), &camera);
         let fastest = psnr(&layer.composited(&gpu, wgpu::Color::TRANSPARENT), &expected);
         assert!(by_quads > 54.0 && fastest > 54.0, "{samples} samples: {by_quads:.1} dB, {fastest:.1} dB");
     }

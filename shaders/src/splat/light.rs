@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use stylegaussian::light as twin;
 
 use super::{RECORDS, source};
-use crate::{Source, constants, float_constants};
+use crate::{Layout, Source, constants, float_constants, layout};
 
 /// From display-referred colors to light.
 pub(super) const INVERSE: &str = include_str!("../../wgsl/splat_inverse.wgsl");
@@ -19,6 +19,47 @@ pub const FALLOFF_EXPONENTIAL: u32 = 1;
 pub const FALLOFF_EXPONENTIAL_SQUARED: u32 = 2;
 /// `falloff`: exponential, with other densities for light that is lost and light that is added.
 pub const FALLOFF_ATMOSPHERIC: u32 = 3;
+
+/// Every struct of light that is shared with Rust.
+pub(super) fn layouts() -> Vec<Layout> {
+    vec![
+        layout!(FogSun { direction, padding_0, glow, padding_1 }),
+        layout!(SplatLight {
+            view_from_clip_x,
+            view_from_clip_y,
+            view_from_clip_z,
+            view_from_clip_w,
+            viewport,
+            tint_red,
+            tint_green,
+            tint_blue,
+            fog_color,
+            fog_strength,
+            extinction,
+            falloff,
+            inscattering,
+            exponent,
+            suns,
+            n_suns,
+            first_record,
+            n_records,
+            has_strokes,
+            exposure,
+            shadow_amount,
+            padding_0,
+            padding_1,
+        }),
+        layout!(ShadowCascade {
+            clip_from_view_x,
+            clip_from_view_y,
+            clip_from_view_z,
+            clip_from_view_w,
+            offset,
+            far,
+        }),
+        layout!(SplatShadows { cascades, n_cascades, padding_0, padding_1, padding_2 }),
+    ]
+}
 
 /// A directional light in fog.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

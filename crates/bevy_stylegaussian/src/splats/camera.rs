@@ -32,7 +32,7 @@ pub enum SplatSortKey {
     /// Depth along the camera's axis, as in training.
     #[default]
     ViewZ,
-    /// Distance from the camera, which does not change if the camera turns. Use it for stereo, and for scenes
-    /// that were trained with it (glTF's `KHR_gaussian_splatting`).
+    /// Distance from the camera, which does not change if the camera turns. Use it for scenes that were
+    /// trained with it (glTF's `KHR_gaussian_splatting`). Two eyes have [`SplatEyes`](crate::SplatEyes).
     Distance,
 }

@@ -26,7 +26,9 @@ mod air;
 #[path = "no_air.rs"]
 mod air;
 mod camera;
+mod cuts;
 mod depth;
+mod eyes;
 #[cfg(test)]
 mod held;
 mod light;
@@ -36,7 +38,9 @@ mod pipelines;
 mod view;
 
 pub use camera::{SplatSortKey, SplatTonemapping};
+pub use cuts::SplatCuts;
 pub use depth::SplatDepth;
+pub use eyes::SplatEyes;
 pub use light::{SplatShadows, SplatTint};
 
 #[cfg(test)]
@@ -51,8 +55,13 @@ pub(crate) struct SplatsPlugin;
 
 impl Plugin for SplatsPlugin {
     fn build(&self, app: &mut App) {
-        app.register_type::<SplatTonemapping>().register_type::<SplatSortKey>().register_type::<SplatDepth>();
-        app.register_type::<SplatTint>().register_type::<SplatShadows>();
+        app.register_type::<SplatTonemapping>()
+            .register_type::<SplatSortKey>()
+            .register_type::<SplatDepth>()
+            .register_type::<SplatCuts>()
+            .register_type::<SplatEyes>()
+            .register_type::<SplatTint>()
+            .register_type::<SplatShadows>();
         // Apps without rendering, such as servers and tests, still load and style scenes.
         if app.get_sub_app(RenderApp).is_none() {
             return;
@@ -61,6 +70,8 @@ impl Plugin for SplatsPlugin {
             ExtractComponentPlugin::<SplatTonemapping>::default(),
             ExtractComponentPlugin::<SplatSortKey>::default(),
             ExtractComponentPlugin::<SplatDepth>::default(),
+            ExtractComponentPlugin::<SplatCuts>::default(),
+            ExtractComponentPlugin::<SplatEyes>::default(),
         ));
         app.sub_app_mut(RenderApp)
             .init_gpu_resource::<pipelines::SplatPipelines>()

@@ -20,9 +20,10 @@ use crate::{
 };
 
 use super::{
+    eyes::Pair,
     light::Lights,
     pipelines::{Ready, SplatPipelines},
-    view::{SplatViews, ViewSplats},
+    view::{Layer, SplatViews, ViewSplats},
 };
 
 /// Access to the GPU while encoding a view.
@@ -33,7 +34,7 @@ struct Gpu<'a> {
     diagnostics: Option<&'a DiagnosticsRecorder>,
 }
 
-/// Projects and sorts a view's splats.
+/// Projects and sorts a view's splats, and with them those of the other eye, if there is one.
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub(super) fn sort_splats(
     view: ViewQuery<&ExtractedView, (With<ViewTarget>, With<ViewDepthTexture>)>,
@@ -50,55 +51,52 @@ pub(super) fn sort_splats(
     reports: Res<Reports<SceneRefused>>,
     mut context: RenderContext,
 ) {
-    let extracted = view.into_inner();
-    let Some(splats) = views.get_mut(&extracted.retained_view_entity) else { return };
+    let key = view.into_inner().retained_view_entity;
     // Nothing to draw here is not an error: splats, pipelines or the table are still on their way.
-    let Some(plan) = splats.plan else { return };
-    let Some(ready) = pipelines.get(plan.samples, plan.composite) else { return };
-    let camera = splat::Camera {
-        world_from_view: extracted.world_from_view.affine(),
-        clip_from_view: extracted.clip_from_view,
-        viewport: plan.viewport,
-    };
-    // The view keeps names and no borrows: a resource cannot hold references into other resources.
-    let mut entities = Vec::with_capacity(splats.clouds.len());
-    let drawn: Vec<splat::Cloud> = splats
-        .clouds
-        .iter()
-        .filter_map(|entity| {
-            let cloud = clouds.0.get(entity)?;
-            let (scene, colors) = (scenes.get(&cloud.scene)?, colors.get(*entity)?.at(clock.0));
-            let visibility = masks.visibility(*entity, scene.n_gaussians()).filter(|_| pipelines.has_masks());
-            entities.push(*entity);
-            Some(splat::Cloud { scene, colors, world_from_scene: cloud.world_from_scene, visibility })
-        })
-        .collect();
-    splats.buffers.set_light(lights.of(&extracted.retained_view_entity, &entities));
-    let diagnostics = context.diagnostic_recorder();
-    let gpu = Gpu {
-        device: device.wgpu_device(),
-        queue: &queue,
-        encoder: context.command_encoder(),
-        diagnostics: diagnostics.as_deref(),
-    };
-    let span = gpu.diagnostics.time_span(gpu.encoder, splats.span("splat_project_and_sort"));
-    let sorted = ready.passes.splat.project_and_sort(
-        gpu.device,
-        gpu.queue,
-        gpu.encoder,
-        &mut splats.buffers,
-        &camera,
-        &drawn,
-        &plan.settings,
-    );
-    span.end(gpu.encoder);
-    // The span is ended before an early return: one that is left open would be logged as an error.
-    if let Err(error) = sorted {
-        refuse(splats, &reports, &error.to_string());
+    let Some((plan, pair)) = views.get(&key).and_then(|splats| Some((splats.plan?, splats.pair))) else {
         return;
+    };
+    let Some(ready) = pipelines.get(plan.composite) else { return };
+    // Taken out while this one is changed.
+    let mut other = pair.and_then(|pair| Some((pair, views.take(&pair.other)?)));
+    if let Some(splats) = views.get_mut(&key)
+        && let Some(camera) = splats.camera.clone()
+    {
+        // The view keeps names and no borrows: a resource cannot hold references into other resources.
+        let mut entities = Vec::with_capacity(splats.clouds.len());
+        let seen: Vec<splat::Cloud> = splats
+            .clouds
+            .iter()
+            .filter_map(|entity| {
+                let cloud = clouds.0.get(entity)?;
+                let (scene, colors) = (scenes.get(&cloud.scene)?, colors.get(*entity)?.at(clock.0));
+                let visibility =
+                    masks.visibility(*entity, scene.n_gaussians()).filter(|_| pipelines.has_masks());
+                entities.push(*entity);
+                Some(splat::Cloud { scene, colors, world_from_scene: cloud.world_from_scene, visibility })
+            })
+            .collect();
+        splats.buffers.set_light(lights.of(&key, &entities));
+        if let Some((pair, other)) = &mut other {
+            other.buffers.set_light(lights.of(&pair.other, &entities));
+        }
+        let diagnostics = context.diagnostic_recorder();
+        let mut gpu = Gpu {
+            device: device.wgpu_device(),
+            queue: &queue,
+            encoder: context.command_encoder(),
+            diagnostics: diagnostics.as_deref(),
+        };
+        let beside = other.as_mut().map(|(pair, other)| (*pair, other));
+        match sort(&mut gpu, &ready, splats, beside, &camera, &seen, &plan.settings) {
+            Err(error) => refuse(splats, &reports, &error.to_string()),
+            // A later refusal is reported again, since it has another cause: other clouds, or a larger target.
+            Ok(()) => splats.refused = false,
+        }
     }
-    // A later refusal is reported again, since it has another cause: other clouds, or a larger target.
-    splats.refused = false;
+    if let Some((pair, other)) = other {
+        views.insert(pair.other, other);
+    }
 }
 
 /// Draws a view's sorted splats into its layer, and composites the layer unless that happens after tonemapping.
@@ -112,8 +110,8 @@ pub(super) fn draw_splats(
 ) {
     let (extracted, target, depth) = view.into_inner();
     let Some(splats) = views.get_mut(&extracted.retained_view_entity) else { return };
-    let Some(plan) = splats.plan else { return };
-    let Some(ready) = pipelines.get(plan.samples, plan.composite) else { return };
+    let (Some(plan), Some(camera)) = (splats.plan, splats.camera.clone()) else { return };
+    let Some(ready) = pipelines.get(plan.composite) else { return };
     let diagnostics = context.diagnostic_recorder();
     let mut gpu = Gpu {
         device: device.wgpu_device(),
@@ -121,10 +119,44 @@ pub(super) fn draw_splats(
         encoder: context.command_encoder(),
         diagnostics: diagnostics.as_deref(),
     };
-    draw_layer(&mut gpu, &ready, splats, depth);
+    draw_layer(&mut gpu, &ready, splats, &camera, depth);
     if !plan.after_tonemapping {
         composite(&mut gpu, &ready, splats, target.get_color_attachment());
     }
+}
+
+/// Projects and sorts one view's splats, or those of two eyes.
+fn sort(
+    gpu: &mut Gpu,
+    ready: &Ready,
+    splats: &mut ViewSplats,
+    other: Option<(Pair, &mut ViewSplats)>,
+    camera: &splat::Camera,
+    seen: &[splat::Cloud],
+    settings: &splat::SplatSettings,
+) -> Result<(), splat::SplatError> {
+    // The other eye's camera came first in this frame.
+    if std::mem::take(&mut splats.is_sorted) {
+        return Ok(());
+    }
+    let span = gpu.diagnostics.time_span(gpu.encoder, splats.span("splat_project_and_sort"));
+    let pass = &ready.passes.splat;
+    let Gpu { device, queue, encoder, .. } = gpu;
+    let sorted = match other.and_then(|(pair, other)| Some((pair, other.camera.clone()?, other))) {
+        None => pass.project_and_sort(device, queue, encoder, &mut splats.buffers, camera, seen, settings),
+        Some((pair, beside, other)) => {
+            other.is_sorted = true;
+            let (mut views, mut cameras) = ([&mut splats.buffers, &mut other.buffers], [camera, &beside]);
+            if !pair.is_first {
+                views.reverse();
+                cameras.reverse();
+            }
+            pass.project_and_sort_eyes(device, queue, encoder, views, cameras, seen, settings)
+        }
+    };
+    // The span is ended before an early return: one that is left open would be logged as an error.
+    span.end(gpu.encoder);
+    sorted
 }
 
 /// Reports why the view shows no splats, unless it did so before.
@@ -141,13 +173,28 @@ fn refuse(splats: &mut ViewSplats, reports: &Reports<SceneRefused>, reason: &str
 }
 
 /// Blends splats in the view's layer.
-fn draw_layer(gpu: &mut Gpu, ready: &Ready, splats: &mut ViewSplats, depth: &ViewDepthTexture) {
+fn draw_layer(
+    gpu: &mut Gpu,
+    ready: &Ready,
+    splats: &mut ViewSplats,
+    camera: &splat::Camera,
+    depth: &ViewDepthTexture,
+) {
     let name = splats.span("splat_draw");
     let Some((layer, buffers)) = splats.layer_and_buffers() else { return };
-    let layer =
-        splat::Layer { color: &layer.color, resolved: layer.resolved.as_ref(), depth: Some(depth.view()) };
     let span = gpu.diagnostics.time_span(gpu.encoder, name);
-    ready.passes.splat.draw_layer(gpu.device, gpu.queue, gpu.encoder, buffers, &layer, ready.draw);
+    let (pass, depth) = (&ready.passes.splat, depth.view());
+    match layer {
+        Layer::Single(color, _) => {
+            let layer = splat::Layer { color, depth: Some(depth) };
+            pass.draw_layer(gpu.device, gpu.queue, gpu.encoder, buffers, &layer, ready.draw);
+        }
+        Layer::Edges(layers) => {
+            let target = (layers, &**depth);
+            let Gpu { device, queue, encoder, .. } = gpu;
+            pass.draw_edge_layers(device, queue, encoder, buffers, camera, target, ready.draw);
+        }
+    }
     span.end(gpu.encoder);
 }
 
@@ -180,7 +227,7 @@ pub(super) fn composite_after_tonemapping(
     let (extracted, target) = view.into_inner();
     let Some(splats) = views.get(&extracted.retained_view_entity) else { return };
     let Some(plan) = splats.plan.filter(|plan| plan.after_tonemapping) else { return };
-    let Some(ready) = pipelines.get(plan.samples, plan.composite) else { return };
+    let Some(ready) = pipelines.get(plan.composite) else { return };
     // Written out: the target's own attachment would be the multisampled texture, which tonemapping has left
     // behind.
     let image = RenderPassColorAttachment {

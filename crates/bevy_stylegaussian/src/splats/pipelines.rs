@@ -27,9 +27,11 @@ pub(super) struct SplatPipelines {
     masks: Option<Background<()>>,
     /// The kernels of light before tonemappings, without shadows or with, which are parts of the passes.
     lights: HashMap<(Tonemapping, bool), Background<()>>,
-    draws: HashMap<u32, Background<SplatPipeline>>,
-    /// Draws of strokes into layers of so many samples: each is a part of the passes and of their draws.
-    strokes: HashMap<u32, Background<()>>,
+    /// The kernels for two eyes, which are a part of the passes.
+    eyes: Option<Background<()>>,
+    draw: Option<Background<SplatPipeline>>,
+    /// The draw of strokes, which is a part of the passes and of the draw.
+    strokes: Option<Background<()>>,
     composites: HashMap<CompositeTarget, Background<CompositePipeline>>,
     tables: HashMap<Tonemapping, Background<InverseTable>>,
 }
@@ -45,6 +47,8 @@ pub(super) struct Passes {
 pub(super) struct CompositeTarget {
     pub(super) format: TextureFormat,
     pub(super) samples: u32,
+    /// Samples per pixel of the depth.
+    pub(super) depth_samples: u32,
     pub(super) mode: CompositeMode,
 }
 
@@ -56,15 +60,13 @@ pub(super) struct Ready<'a> {
 }
 
 impl SplatPipelines {
-    /// Starts to build the pipelines that a layer of `samples` samples over `target` needs and that are
-    /// missing. Strokes are drawn with the paintings in `store`, which is always the same on a device. Returns
-    /// whether all are ready.
+    /// Starts to build the pipelines that a layer over `target` needs and that are missing. Strokes are drawn
+    /// with the paintings in `store`, which is always the same on a device. Returns whether all are ready.
     pub(super) fn request(
         &mut self,
         device: &wgpu::Device,
         store: &StrokeStore,
         synchronous: SynchronousCompilation,
-        samples: u32,
         target: CompositeTarget,
     ) -> bool {
         let build = {
@@ -77,16 +79,22 @@ impl SplatPipelines {
         let passes = self.passes.get_or_insert_with(|| Background::start(synchronous, build));
         // Pipelines are made from the shader modules and layouts of the passes, so these come first.
         let Some(passes) = passes.get() else { return false };
-        // The layer's format never changes, so its sample count alone tells pipelines apart.
-        let draw = self.draws.entry(samples).or_insert_with(|| {
+        // Layers have one format and one sample per pixel, whatever the target has.
+        let draw = self.draw.get_or_insert_with(|| {
             let (passes, device) = (Arc::clone(passes), device.clone());
-            let build = move || passes.splat.pipeline(&device, samples, Some(CORE_3D_DEPTH_FORMAT));
+            let build = move || passes.splat.pipeline(&device, 1, Some(CORE_3D_DEPTH_FORMAT));
             Background::start(synchronous, build)
         });
         let composite = self.composites.entry(target).or_insert_with(|| {
             let (passes, device) = (Arc::clone(passes), device.clone());
-            let CompositeTarget { format, samples, mode } = target;
-            Background::start(synchronous, move || passes.composite.pipeline(&device, format, samples, mode))
+            let CompositeTarget { format, samples, depth_samples, mode } = target;
+            Background::start(synchronous, move || {
+                if depth_samples == 1 {
+                    return passes.composite.pipeline(&device, format, samples, mode);
+                }
+                passes.splat.prepare_edges(&device);
+                passes.composite.edge_pipeline(&device, format, [samples, depth_samples], mode)
+            })
         });
         // Both are polled: `&&` on the calls would leave the second one running until the first is ready.
         let (draw, composite) = (draw.get().is_some(), composite.get().is_some());
@@ -106,6 +114,20 @@ impl SplatPipelines {
             Background::start(synchronous, move || passes.splat.prepare_masks(&device))
         });
         masks.get().is_some()
+    }
+
+    /// Starts to compile the kernels for two eyes. Returns whether they are ready.
+    pub(super) fn request_eyes(
+        &mut self,
+        device: &wgpu::Device,
+        synchronous: SynchronousCompilation,
+    ) -> bool {
+        let Some(passes) = self.passes.as_ref().and_then(Background::get) else { return false };
+        let eyes = self.eyes.get_or_insert_with(|| {
+            let (passes, device) = (Arc::clone(passes), device.clone());
+            Background::start(synchronous, move || passes.splat.prepare_eyes(&device))
+        });
+        eyes.get().is_some()
     }
 
     /// Whether the kernel for clouds with a mask is ready.
@@ -130,18 +152,16 @@ impl SplatPipelines {
         light.get().is_some()
     }
 
-    /// Starts to compile the pipelines that draw strokes into layers of `samples` samples. Returns whether it
-    /// is ready.
+    /// Starts to compile the pipelines that draw strokes. Returns whether they are ready.
     pub(super) fn request_strokes(
         &mut self,
         device: &wgpu::Device,
         synchronous: SynchronousCompilation,
-        samples: u32,
     ) -> bool {
         // Both are requested for every view, so they are on their way.
         let Some(passes) = self.passes.as_ref().and_then(Background::get) else { return false };
-        let Some(draw) = self.draws.get(&samples).and_then(Background::get) else { return false };
-        let strokes = self.strokes.entry(samples).or_insert_with(|| {
+        let Some(draw) = self.draw.as_ref().and_then(Background::get) else { return false };
+        let strokes = self.strokes.get_or_insert_with(|| {
             let (passes, device, draw) = (Arc::clone(passes), device.clone(), draw.clone());
             Background::start(synchronous, move || passes.splat.prepare_strokes(&device, &[draw]))
         });
@@ -197,17 +217,18 @@ impl SplatPipelines {
     /// Number of pipelines and tables requested so far.
     #[cfg(test)]
     pub(super) fn n_requested(&self) -> usize {
-        let parts = [self.lights.len(), self.strokes.len()];
-        let by_kind = [self.draws.len(), self.composites.len(), self.tables.len()];
-        parts.iter().chain(&by_kind).sum::<usize>() + usize::from(self.masks.is_some())
+        let single = [&self.strokes, &self.masks, &self.eyes].map(Option::is_some);
+        let single = single.into_iter().chain([self.draw.is_some()]);
+        let by_kind = [self.lights.len(), self.composites.len(), self.tables.len()];
+        by_kind.iter().sum::<usize>() + single.filter(|&is_there| is_there).count()
     }
 
-    /// The pipelines for a layer of `samples` samples over `target`, or `None` if they were not
-    /// [requested](Self::request) or are not ready.
-    pub(super) fn get(&self, samples: u32, target: CompositeTarget) -> Option<Ready<'_>> {
+    /// The pipelines for a layer over `target`, or `None` if they were not [requested](Self::request) or are
+    /// not ready.
+    pub(super) fn get(&self, target: CompositeTarget) -> Option<Ready<'_>> {
         Some(Ready {
             passes: self.passes()?,
-            draw: self.draws.get(&samples)?.get()?,
+            draw: self.draw.as_ref()?.get()?,
             composite: self.composites.get(&target)?.get()?,
         })
     }

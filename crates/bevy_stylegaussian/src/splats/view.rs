@@ -1,8 +1,8 @@
 //! The state of each view that draws splats: a plan, buffers and a layer.
 //!
-//! Splats blend among themselves in a *layer* of the target's size and sample count, in display-referred
-//! colors, tested against the camera's depth. The layer is then composited over the image in the image's color
-//! space.
+//! Splats blend among themselves in a *layer* of the target's size, in display-referred colors, tested against
+//! the camera's depth. The layer is then composited over the image in the image's color space. It has one
+//! sample per pixel; for cameras with MSAA there is a second one, of splats where meshes end.
 
 use std::{borrow::Cow, sync::Arc};
 
@@ -20,7 +20,9 @@ use bevy::{
         view::{ExtractedView, RenderVisibleEntities, RetainedViewEntity},
     },
 };
-use stylegaussian_gpu::splat::{self, CompositeInput, CompositeMode, LAYER_FORMAT, SplatSettings, SplatView};
+use stylegaussian_gpu::splat::{
+    self, CompositeInput, CompositeMode, EdgeLayers, LAYER_FORMAT, SplatPass, SplatSettings, SplatView,
+};
 
 use crate::{
     colors::{PipelinesReady, ShownColors, StrokeTextures, StrokesReady, WantedColors},
@@ -31,6 +33,8 @@ use crate::{
 
 use super::{
     camera::{SplatSortKey, SplatTonemapping},
+    cuts::SplatCuts,
+    eyes::{self, Pair, SplatEyes},
     pipelines::{CompositeTarget, Luts, SplatPipelines},
 };
 
@@ -50,6 +54,12 @@ pub(super) struct ViewSplats {
     pub(super) clouds: Vec<MainEntity>,
     /// The way to draw them, or `None` if nothing is visible or pipelines are missing.
     pub(super) plan: Option<Plan>,
+    /// The camera as the splat pass takes it, if there is a plan.
+    pub(super) camera: Option<splat::Camera>,
+    /// The view of the other eye, if this one and that one are made together in this frame.
+    pub(super) pair: Option<Pair>,
+    /// Whether the view of the other eye has made this one, too.
+    pub(super) is_sorted: bool,
     /// Whether it was reported that the device cannot draw all that the view sees.
     pub(super) refused: bool,
     /// The view's number among those that show splats, from 1 on; 0 before it has one. It keeps it.
@@ -66,10 +76,8 @@ pub(super) struct ViewSplats {
 /// The way in which a view draws its splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Plan {
-    /// Samples per pixel of the layer.
-    pub(super) samples: u32,
     pub(super) composite: CompositeTarget,
-    /// Whether the layer is composited after tonemapping. It is then resolved first.
+    /// Whether the layer is composited after tonemapping, over an image of one sample per pixel.
     pub(super) after_tonemapping: bool,
     /// Left, top, width and height in pixels of the target.
     pub(super) viewport: UVec4,
@@ -81,12 +89,11 @@ pub(super) struct Plan {
 }
 
 /// Textures in which splats blend.
-pub(super) struct Layer {
-    size: UVec2,
-    samples: u32,
-    pub(super) color: wgpu::TextureView,
-    /// Target of the resolved samples, if the layer is composited after tonemapping.
-    pub(super) resolved: Option<wgpu::TextureView>,
+pub(super) enum Layer {
+    /// Of views with one sample per pixel, and their size.
+    Single(wgpu::TextureView, UVec2),
+    /// Of views with several.
+    Edges(EdgeLayers),
 }
 
 /// The components of a camera in the render world that its plan depends on.
@@ -99,6 +106,8 @@ type ViewComponents = (
     Option<&'static SplatTonemapping>,
     Option<&'static SplatSortKey>,
     Option<&'static MainPassResolutionOverride>,
+    Option<&'static SplatCuts>,
+    Option<&'static SplatEyes>,
 );
 
 /// The state of strokes, for which there are pipelines of their own.
@@ -110,11 +119,16 @@ pub(super) struct Strokes<'w> {
     ready: ResMut<'w, StrokesReady>,
 }
 
-/// Lets shaders read depth on software adapters, on which a compute shader draws the splats.
-pub(super) fn allow_reading_depth(adapter: Res<RenderAdapterInfo>, mut cameras: Query<&mut Camera3d>) {
+/// Lets shaders read depth: with MSAA they look for the edges of meshes, and on software adapters a compute
+/// shader draws the splats.
+pub(super) fn allow_reading_depth(
+    adapter: Res<RenderAdapterInfo>,
+    mut cameras: Query<(&mut Camera3d, &Msaa)>,
+) {
+    let is_software = stylegaussian_gpu::device::is_software(&adapter);
     // In each frame, since the extraction overwrites the render world's `Camera3d`.
-    if stylegaussian_gpu::device::is_software(&adapter) {
-        for mut camera in &mut cameras {
+    for (mut camera, msaa) in &mut cameras {
+        if is_software || msaa.samples() > 1 {
             camera.depth_texture_usages.0 |= wgpu::TextureUsages::TEXTURE_BINDING.bits();
         }
     }
@@ -143,14 +157,16 @@ pub(super) fn prepare_views(
     all_ready.0 = true;
     strokes.ready.0 = true;
     let mut planned = Vec::new();
+    let mut pairs = Vec::new();
     for camera in &cameras {
-        let (extracted, _, _, visible, ..) = camera;
+        let (extracted, _, _, visible, .., eyes) = camera;
         let Some(plan) = plan(camera) else { continue };
         planned.push(extracted.retained_view_entity);
         let view = of_view.entry(extracted.retained_view_entity).or_default();
         view.present = true;
         // Whatever is missing below, an old plan must not be drawn.
         view.plan = None;
+        (view.pair, view.is_sorted) = (None, false);
         view.clouds.clear();
         view.clouds.extend(visible.get::<GaussianSplats>().into_iter().flat_map(|class| {
             let entities = class.iter_visible().map(|(_, &entity)| entity);
@@ -159,11 +175,10 @@ pub(super) fn prepare_views(
         }));
         // Requested before there is anything to draw, so that compiling overlaps with the loading of scenes.
         let store = &strokes.textures.0;
-        let is_ready = pipelines.request(device, store, *synchronous, plan.samples, plan.composite);
+        let is_ready = pipelines.request(device, store, *synchronous, plan.composite);
         // New paintings wait for it, while the view shows the others. One that already is in other views keeps
         // this one waiting.
-        let draws_strokes =
-            !strokes.wanted.strokes || pipelines.request_strokes(device, *synchronous, plan.samples);
+        let draws_strokes = !strokes.wanted.strokes || pipelines.request_strokes(device, *synchronous);
         strokes.ready.0 &= draws_strokes;
         let is_ready = is_ready && (draws_strokes || !strokes.shown.has_strokes());
         // A cloud that shows before its mask's kernel is there would flash its hidden splats. One that is shown
@@ -183,7 +198,18 @@ pub(super) fn prepare_views(
         }
         view.attach_layer(device, &queue, &pipelines, &plan, layers);
         view.plan = Some(plan);
+        view.camera = Some(splat::Camera {
+            world_from_view: extracted.world_from_view.affine(),
+            clip_from_view: extracted.clip_from_view,
+            viewport: plan.viewport,
+        });
+        // Until the kernel is there, eyes are drawn one by one.
+        pairs.extend(
+            eyes.filter(|_| pipelines.request_eyes(device, *synchronous))
+                .map(|&eyes| (extracted.retained_view_entity, eyes)),
+        );
     }
+    eyes::pair(of_view, &pairs);
     of_view.retain(|_, view| view.present);
     number_views(of_view, &planned);
     // Only the list itself holds a layer that no view uses. So a resized window leaves none behind.
@@ -207,6 +233,15 @@ fn number_views(of_view: &mut HashMap<RetainedViewEntity, ViewSplats>, order: &[
 impl SplatViews {
     pub(super) fn get(&self, view: &RetainedViewEntity) -> Option<&ViewSplats> {
         self.of_view.get(view)
+    }
+
+    /// Takes a view out, to change two at once. [`insert`](Self::insert) brings it back.
+    pub(super) fn take(&mut self, view: &RetainedViewEntity) -> Option<ViewSplats> {
+        self.of_view.remove(view)
+    }
+
+    pub(super) fn insert(&mut self, view: RetainedViewEntity, splats: ViewSplats) {
+        self.of_view.insert(view, splats);
     }
 
     pub(super) fn get_mut(&mut self, view: &RetainedViewEntity) -> Option<&mut ViewSplats> {
@@ -250,15 +285,16 @@ impl ViewSplats {
             let layer = match layers.iter().find(|layer| layer.fits(plan)) {
                 Some(layer) => Arc::clone(layer),
                 None => {
-                    let layer = Arc::new(Layer::new(device, plan, passes.splat.layer_usages()));
+                    let layer = Arc::new(Layer::new(device, plan, &passes.splat));
                     layers.push(Arc::clone(&layer));
                     layer
                 }
             };
-            // After tonemapping there is one sample per pixel, so the composite reads the average.
-            let source = layer.resolved.as_ref().unwrap_or(&layer.color);
             let table = plan.inverted().and_then(|tonemapping| pipelines.table(tonemapping));
-            let input = passes.composite.bind(device, source, plan.composite.samples, table);
+            let input = match &*layer {
+                Layer::Single(color, _) => passes.composite.bind(device, color, table),
+                Layer::Edges(layers) => passes.composite.bind_edges(device, layers, table),
+            };
             self.inverted = plan.inverted();
             self.layer = Some((layer, input));
             // In stops: a new binding holds a factor of 1.
@@ -274,37 +310,34 @@ impl ViewSplats {
 }
 
 impl Layer {
-    fn new(device: &wgpu::Device, plan: &Plan, more: wgpu::TextureUsages) -> Self {
-        // Textures with several samples per pixel cannot be bound as storage.
-        let more = if plan.samples == 1 { more } else { wgpu::TextureUsages::empty() };
-        let texture = |sample_count| {
-            let texture = device.create_texture(&wgpu::TextureDescriptor {
-                label: Some("splat_layer"),
-                size: wgpu::Extent3d { width: plan.size.x, height: plan.size.y, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count,
-                dimension: wgpu::TextureDimension::D2,
-                format: LAYER_FORMAT,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING | more,
-                view_formats: &[],
-            });
-            texture.create_view(&wgpu::TextureViewDescriptor::default())
-        };
-        let (size, samples) = (plan.size, plan.samples);
-        Self { size, samples, color: texture(samples), resolved: plan.resolves().then(|| texture(1)) }
+    fn new(device: &wgpu::Device, plan: &Plan, pass: &SplatPass) -> Self {
+        if plan.composite.depth_samples > 1 {
+            return Self::Edges(pass.edge_layers(device, plan.size));
+        }
+        let texture = device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("splat_layer"),
+            size: wgpu::Extent3d { width: plan.size.x, height: plan.size.y, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: LAYER_FORMAT,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT
+                | wgpu::TextureUsages::TEXTURE_BINDING
+                | pass.layer_usages(),
+            view_formats: &[],
+        });
+        Self::Single(texture.create_view(&wgpu::TextureViewDescriptor::default()), plan.size)
     }
 
     fn fits(&self, plan: &Plan) -> bool {
-        (self.size, self.samples, self.resolved.is_some()) == (plan.size, plan.samples, plan.resolves())
+        match self {
+            Self::Single(_, size) => plan.composite.depth_samples == 1 && *size == plan.size,
+            Self::Edges(layers) => plan.composite.depth_samples > 1 && layers.size() == plan.size,
+        }
     }
 }
 
 impl Plan {
-    /// Whether the layer's samples are averaged before it is composited.
-    fn resolves(&self) -> bool {
-        self.samples > self.composite.samples
-    }
-
     /// The tonemapping to invert, if that needs a table.
     fn inverted(&self) -> Option<splat::Tonemapping> {
         match self.composite.mode {
@@ -316,7 +349,7 @@ impl Plan {
 
 /// The plan for a camera, or `None` if its target has no pixels.
 fn plan(
-    (view, camera, msaa, _, tonemapping, choice, sort_key, resolution): bevy::ecs::query::QueryItem<
+    (view, camera, msaa, _, tonemapping, choice, sort_key, resolution, cuts, _): bevy::ecs::query::QueryItem<
         '_,
         '_,
         ViewComponents,
@@ -342,15 +375,17 @@ fn plan(
         format: view.target_format,
         // Tonemapping writes an image of one sample per pixel.
         samples: if after_tonemapping { 1 } else { samples },
+        depth_samples: samples,
         mode,
     };
     let sort_key = match sort_key.copied().unwrap_or_default() {
         SplatSortKey::ViewZ => splat::SortKey::ViewZ,
         SplatSortKey::Distance => splat::SortKey::Distance,
     };
-    let settings = SplatSettings { sort_key, near: near(view) };
+    let cuts = cuts.copied().unwrap_or_default().for_pass();
+    let settings = SplatSettings { sort_key, near: near(view), cuts };
     let exposure = view.color_grading.global.exposure;
-    Some(Plan { samples, composite, after_tonemapping, viewport, settings, size, exposure })
+    Some(Plan { composite, after_tonemapping, viewport, settings, size, exposure })
 }
 
 /// Least view depth of splats, in world units: 0.2 as in training, or twice the camera's near plane if that is

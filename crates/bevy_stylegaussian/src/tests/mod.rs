@@ -10,6 +10,7 @@ mod background;
 mod demo_scene;
 mod depth;
 mod diagnostics;
+mod eyes;
 mod formats;
 #[cfg(feature = "images")]
 mod hand;

@@ -454,7 +454,7 @@ fn public_types_are_registered() {
     }
     check!(ReflectComponent: GaussianSplats, StyleSource, StyleRefine, StylePrepare, StyleTransition);
     check!(ReflectComponent: StyleDecoder, StyleVolume, HiddenUntilStyled, StyleMask, MaskVisibility);
-    check!(ReflectComponent: SplatTonemapping, SplatSortKey);
+    check!(ReflectComponent: SplatTonemapping, SplatSortKey, SplatCuts, SplatEyes);
     // It is computed, and cannot be saved: a saved world must not hold it.
     assert!(registry.get(std::any::TypeId::of::<AppliedStyle>()).is_none());
     check!(ReflectResource: StyleBackend, StyleBudget, StyleEncoder);

@@ -63,6 +63,20 @@ impl Camera {
         if axis.is_finite() { axis } else { Vec2::ZERO }
     }
 
+    /// By how much the depth of a surface changes if it goes deeper by the size of a pixel there: x d + y at
+    /// depth d.
+    pub(super) fn depth_across_pixel(&self) -> [f32; 2] {
+        // Along a ray, depth is d = (a z + b) / (c z + e), and changes by (a e - b c) / w^2 per unit of z, with
+        // w = c z + e. A pixel is `in_ndc` w units high there.
+        let in_ndc = 2.0 / (self.clip_from_view.y_axis.y * self.viewport.w as f32).abs();
+        let (a, c) = (self.clip_from_view.z_axis.z, self.clip_from_view.z_axis.w);
+        if self.is_orthographic() {
+            return [0.0, in_ndc * a.abs()];
+        }
+        // Perspective: e = 0, and d = a / c + b / w.
+        [in_ndc * c.abs(), -in_ndc * c.abs() * a / c]
+    }
+
     /// View from a space that `world_from_scene` places in the world. The product is computed in f64, because
     /// far from the world's origin both factors are large and their product is not.
     pub(super) fn view_from(&self, world_from_scene: &Affine3A) -> Affine3A {
@@ -125,6 +139,17 @@ mod tests {
         let found = (ndc + 1.0) / 2.0 * pinhole.size.as_vec2();
         assert!((found - expected).length() < 1e-4, "found {found}, expected {expected}");
         assert!((clip.w - seen.z).abs() < 1e-5);
+
+        // A pixel higher is a surface deeper by the size of a pixel, at the same w.
+        let pixel_size = seen.z / pinhole.focal.y;
+        let depth = |seen: Vec3| {
+            let clip = camera.clip_from_view * seen.extend(1.0);
+            clip.z / clip.w
+        };
+        let (near, far) = (depth(view), depth(view - 0.01 * pixel_size * Vec3::Z));
+        let [slope, offset] = camera.depth_across_pixel();
+        let (found, expected) = (slope * near + offset, 100.0 * (near - far));
+        assert!((found / expected - 1.0).abs() < 0.01, "found {found}, expected {expected}");
 
         let principal = (camera.axis() * Vec2::new(1.0, -1.0) + 1.0) / 2.0 * pinhole.size.as_vec2();
         assert!((principal - pinhole.center).length() < 1e-4, "{principal}");

@@ -1,10 +1,13 @@
 //! The composite stage on the GPU: `splat_composite`, the layer over a picture.
 
 use glam::UVec4;
-use stylegaussian_shaders::splat::{self as shaders, SplatComposite};
+use stylegaussian_shaders::splat::{self as shaders, CompositeKind, SplatComposite};
 use wgpu::util::DeviceExt;
 
-use super::tonemapping::{InverseTable, Tonemapping};
+use super::{
+    edges::EdgeLayers,
+    tonemapping::{InverseTable, Tonemapping},
+};
 use crate::bindings::{bind_group, group_layout, pipeline_layout, shader_module, uniform_binding};
 
 /// The space in which the target stores its colors.
@@ -36,13 +39,14 @@ impl CompositeMode {
 #[derive(Debug)]
 pub struct Composite {
     single: Variant,
-    multi: Variant,
+    /// Over targets with several samples, and over those with one.
+    edges: [Variant; 2],
     sampler: wgpu::Sampler,
     /// Bound if no table is needed.
     no_table: wgpu::TextureView,
 }
 
-/// Targets with or without multisampling.
+/// One kind of layers and targets.
 #[derive(Debug)]
 struct Variant {
     module: wgpu::ShaderModule,
@@ -52,7 +56,11 @@ struct Variant {
 
 /// The composite for one kind of target.
 #[derive(Clone, Debug)]
-pub struct CompositePipeline(wgpu::RenderPipeline);
+pub struct CompositePipeline {
+    pipeline: wgpu::RenderPipeline,
+    /// Triangles over the viewport.
+    n_instances: u32,
+}
 
 /// A layer bound for compositing.
 #[derive(Clone, Debug)]
@@ -81,15 +89,15 @@ impl Composite {
             view_formats: &[],
         });
         Self {
-            single: Variant::new(device, false),
-            multi: Variant::new(device, true),
+            single: Variant::new(device, CompositeKind::Single),
+            edges: [CompositeKind::Multi, CompositeKind::Resolved].map(|kind| Variant::new(device, kind)),
             sampler,
             no_table: no_table.create_view(&wgpu::TextureViewDescriptor::default()),
         }
     }
 
-    /// The composite over targets of `format` with `samples` samples, as many as the layer has. The pass has no
-    /// depth attachment.
+    /// The composite of a layer over targets of `format` with `samples` samples, which all show the same. The
+    /// pass has no depth attachment.
     pub fn pipeline(
         &self,
         device: &wgpu::Device,
@@ -97,58 +105,76 @@ impl Composite {
         samples: u32,
         mode: CompositeMode,
     ) -> CompositePipeline {
-        let variant = self.variant(samples);
         let constants = [("mode", f64::from(mode.mode()))];
-        let compilation_options =
-            wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
-        CompositePipeline(device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("splat_composite"),
-            layout: Some(&variant.pipeline_layout),
-            vertex: wgpu::VertexState {
-                module: &variant.module,
-                entry_point: Some("splat_composite_vertex"),
-                compilation_options: compilation_options.clone(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: None,
-            multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
-            fragment: Some(wgpu::FragmentState {
-                module: &variant.module,
-                entry_point: Some("splat_composite_fragment"),
-                compilation_options,
-                targets: &[Some(wgpu::ColorTargetState {
-                    format,
-                    blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
-                    write_mask: wgpu::ColorWrites::ALL,
-                })],
-            }),
-            multiview_mask: None,
-            cache: None,
-        }))
+        let pipeline = render_pipeline(device, &self.single, format, samples, &constants);
+        CompositePipeline { pipeline, n_instances: 1 }
     }
 
-    /// Binds a layer of `samples` samples, and the table of a tone mapping that
-    /// [`needs_table`](Tonemapping::needs_table). If that table is missing, every color becomes black.
+    /// The composite of [`EdgeLayers`] over targets of `format`. `samples` are those of the target, as many as
+    /// the depth has or 1, and those of the depth. The pass has no depth attachment.
+    pub fn edge_pipeline(
+        &self,
+        device: &wgpu::Device,
+        format: wgpu::TextureFormat,
+        [target_samples, depth_samples]: [u32; 2],
+        mode: CompositeMode,
+    ) -> CompositePipeline {
+        let mode = ("mode", f64::from(mode.mode()));
+        let [multi, resolved] = &self.edges;
+        if target_samples > 1 {
+            let pipeline = render_pipeline(device, multi, format, target_samples, &[mode]);
+            // The samples of either side.
+            return CompositePipeline { pipeline, n_instances: 2 };
+        }
+        let constants = [mode, ("n_samples", f64::from(depth_samples))];
+        let pipeline = render_pipeline(device, resolved, format, 1, &constants);
+        CompositePipeline { pipeline, n_instances: 1 }
+    }
+
+    /// Binds a layer, and the table of a tone mapping that [`needs_table`](Tonemapping::needs_table). If that
+    /// table is missing, every color becomes black.
     pub fn bind(
         &self,
         device: &wgpu::Device,
         layer: &wgpu::TextureView,
-        samples: u32,
         table: Option<&InverseTable>,
+    ) -> CompositeInput {
+        self.bind_textures(device, &self.single, layer, table, &[])
+    }
+
+    /// Binds the layers of both sides of edges, likewise.
+    pub fn bind_edges(
+        &self,
+        device: &wgpu::Device,
+        layers: &EdgeLayers,
+        table: Option<&InverseTable>,
+    ) -> CompositeInput {
+        let EdgeLayers { farther, nearer, nearer_samples, .. } = layers;
+        // Both kinds of targets bind the same.
+        self.bind_textures(device, &self.edges[0], farther, table, &[nearer, nearer_samples])
+    }
+
+    fn bind_textures(
+        &self,
+        device: &wgpu::Device,
+        variant: &Variant,
+        layer: &wgpu::TextureView,
+        table: Option<&InverseTable>,
+        more: &[&wgpu::TextureView],
     ) -> CompositeInput {
         let uniforms = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("splat_composite"),
             contents: bytemuck::bytes_of(&SplatComposite { exposure: 1.0 }),
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
         });
-        let resources = [
+        let mut resources = vec![
             uniforms.as_entire_binding(),
             wgpu::BindingResource::TextureView(layer),
             wgpu::BindingResource::TextureView(table.map_or(&self.no_table, InverseTable::view)),
             wgpu::BindingResource::Sampler(&self.sampler),
         ];
-        let group = bind_group(device, "splat_composite", &self.variant(samples).layout, &resources);
+        resources.extend(more.iter().map(|&view| wgpu::BindingResource::TextureView(view)));
+        let group = bind_group(device, "splat_composite", &variant.layout, &resources);
         CompositeInput { uniforms, group }
     }
 
@@ -167,13 +193,9 @@ impl Composite {
         }
         let [x, y, width, height] = viewport.as_vec4().to_array();
         pass.set_viewport(x, y, width, height, 0.0, 1.0);
-        pass.set_pipeline(&pipeline.0);
+        pass.set_pipeline(&pipeline.pipeline);
         pass.set_bind_group(0, &input.group, &[]);
-        pass.draw(0..3, 0..1);
-    }
-
-    fn variant(&self, samples: u32) -> &Variant {
-        if samples > 1 { &self.multi } else { &self.single }
+        pass.draw(0..3, 0..pipeline.n_instances);
     }
 }
 
@@ -186,23 +208,64 @@ impl CompositeInput {
 }
 
 impl Variant {
-    fn new(device: &wgpu::Device, multisampled: bool) -> Self {
-        let source = shaders::composite(multisampled);
+    fn new(device: &wgpu::Device, kind: CompositeKind) -> Self {
+        let source = shaders::composite(kind);
         let label = source.label;
-        let texture = |view_dimension, filterable, multisampled| wgpu::BindingType::Texture {
-            sample_type: wgpu::TextureSampleType::Float { filterable },
+        let texture = |sample_type, view_dimension| wgpu::BindingType::Texture {
+            sample_type,
             view_dimension,
-            multisampled,
+            multisampled: false,
         };
-        let bindings = [
+        let layer =
+            texture(wgpu::TextureSampleType::Float { filterable: false }, wgpu::TextureViewDimension::D2);
+        let mut bindings = vec![
             uniform_binding::<SplatComposite>(),
-            texture(wgpu::TextureViewDimension::D2, false, multisampled),
-            texture(wgpu::TextureViewDimension::D3, true, false),
+            layer,
+            texture(wgpu::TextureSampleType::Float { filterable: true }, wgpu::TextureViewDimension::D3),
             wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
         ];
+        if kind != CompositeKind::Single {
+            bindings.extend([layer, texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2)]);
+        }
         let layout = group_layout(device, label, wgpu::ShaderStages::FRAGMENT, &bindings);
         let pipeline_layout = pipeline_layout(device, label, &[&layout]);
         let module = shader_module(device, source);
         Self { module, layout, pipeline_layout }
     }
+}
+
+/// The composite over targets of `format` with `samples` samples.
+fn render_pipeline(
+    device: &wgpu::Device,
+    variant: &Variant,
+    format: wgpu::TextureFormat,
+    samples: u32,
+    constants: &[(&str, f64)],
+) -> wgpu::RenderPipeline {
+    let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("splat_composite"),
+        layout: Some(&variant.pipeline_layout),
+        vertex: wgpu::VertexState {
+            module: &variant.module,
+            entry_point: Some("splat_composite_vertex"),
+            compilation_options: compilation_options.clone(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: None,
+        multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
+        fragment: Some(wgpu::FragmentState {
+            module: &variant.module,
+            entry_point: Some("splat_composite_fragment"),
+            compilation_options,
+            targets: &[Some(wgpu::ColorTargetState {
+                format,
+                blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
+                write_mask: wgpu::ColorWrites::ALL,
+            })],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
 }

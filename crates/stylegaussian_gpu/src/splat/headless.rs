@@ -116,7 +116,7 @@ impl Headless {
             Some(target) if target.size() == size => self.target.insert(target),
             _ => self.target.insert(Target::new(device, size, self.pass.layer_usages())),
         };
-        let layer = Layer { color: &target.view, resolved: None, depth: None };
+        let layer = Layer { color: &target.view, depth: None };
         self.pass.draw_layer(device, queue, &mut encoder, &mut self.view, &layer, &self.pipeline);
         target.copy(&mut encoder);
         queue.submit([encoder.finish()]);

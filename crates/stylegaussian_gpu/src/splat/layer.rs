@@ -9,8 +9,6 @@ pub const LAYER_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 pub struct Layer<'a> {
     /// The layer itself, in [`LAYER_FORMAT`].
     pub color: &'a wgpu::TextureView,
-    /// The texture that receives the mean of the samples of `color`. If it is given, the samples are not kept.
-    pub resolved: Option<&'a wgpu::TextureView>,
     /// Depths of the objects that are drawn already, reverse z; only read.
     pub depth: Option<&'a wgpu::TextureView>,
 }
@@ -29,17 +27,16 @@ impl Layer<'_> {
 
     /// A pass over the cleared layer.
     pub(super) fn cleared<'a>(&self, encoder: &'a mut wgpu::CommandEncoder) -> wgpu::RenderPass<'a> {
-        let store = match self.resolved {
-            Some(_) => wgpu::StoreOp::Discard,
-            None => wgpu::StoreOp::Store,
-        };
         encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("splat_draw"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                 view: self.color,
                 depth_slice: None,
-                resolve_target: self.resolved,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store },
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
             })],
             // An attachment without operations is read only, so that later passes may still sample it.
             depth_stencil_attachment: self.depth.map(|view| wgpu::RenderPassDepthStencilAttachment {

@@ -2,11 +2,14 @@
 
 use std::sync::OnceLock;
 
+use glam::UVec2;
+
 use super::{
     camera::Camera,
     cloud::{self, Cloud},
     depth::Depth,
     draw::{Draw, SplatPipeline},
+    edges::{EdgeLayers, Edges},
     error::SplatError,
     layer::Layer,
     light::LightStage,
@@ -31,6 +34,8 @@ pub struct SplatPass {
     pub(super) tiles: Option<Tiles>,
     /// Made when a view asks for depth.
     pub(super) depth: OnceLock<Depth>,
+    /// What splits depth with several samples, compiled when it is asked for.
+    edges: OnceLock<Edges>,
 }
 
 impl SplatPass {
@@ -52,8 +57,15 @@ impl SplatPass {
 
     fn by_quads_with_store(device: &wgpu::Device, store: StrokeStore) -> Self {
         let project = Project::new(device, store);
-        let (sort, draw, light) = (Sort::new(device), Draw::new(device), LightStage::default());
-        Self { project, sort, draw, light, tiles: None, depth: OnceLock::new() }
+        Self {
+            project,
+            sort: Sort::new(device),
+            draw: Draw::new(device),
+            light: LightStage::default(),
+            tiles: None,
+            depth: OnceLock::new(),
+            edges: OnceLock::new(),
+        }
     }
 
     /// The textures of strokes. Clouds are drawn with strokes that were uploaded to it.
@@ -86,8 +98,14 @@ impl SplatPass {
         self.light.kernel(device, tonemapping, shadowed);
     }
 
-    /// The draw into a layer of [`LAYER_FORMAT`](super::LAYER_FORMAT) at `samples` samples. If `depth_format`
-    /// is given, splats are tested against a depth attachment of that format (reverse z).
+    /// Compiles what [`draw_edge_layers`](Self::draw_edge_layers) needs, in any thread, while others draw.
+    /// Without this call, the first such frame compiles it.
+    pub fn prepare_edges(&self, device: &wgpu::Device) {
+        self.edges.get_or_init(|| Edges::new(device));
+    }
+
+    /// The draw into a target of [`LAYER_FORMAT`](super::LAYER_FORMAT) at `samples` samples; layers have one.
+    /// If `depth_format` is given, splats are tested against a depth attachment of that format (reverse z).
     pub fn pipeline(
         &self,
         device: &wgpu::Device,
@@ -131,15 +149,10 @@ impl SplatPass {
             return Ok(());
         }
         view.reserve(device, &self.sort, &self.draw.layout, n_records)?;
+        view.set_paired(false);
         view.set_camera(queue, camera, n_records as u32);
-        let mut change = self.project.write(device, queue, view, camera, &drawn, settings);
-        let is_new = change != Change::Nothing;
-        if let Some((lit, buffers)) = view.light_parts()
-            && self.light.write(device, queue, lit, &buffers, camera, clouds, is_new)
-            && !is_new
-        {
-            change = Change::Colors;
-        }
+        let change = self.project.write(device, queue, view, (camera, None), &drawn, settings);
+        let change = self.relight(device, queue, view, camera, clouds, change);
         if change == Change::Nothing {
             return Ok(());
         }
@@ -159,6 +172,28 @@ impl SplatPass {
             self.sort.encode(&mut pass, sort, n_records as u32);
         }
         Ok(())
+    }
+
+    /// Finds the light on the records of `clouds`. Returns the change of the frame with that of light.
+    #[expect(clippy::too_many_arguments, reason = "two of them are wgpu's own at every call")]
+    pub(super) fn relight(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        view: &mut SplatView,
+        camera: &Camera,
+        clouds: &[Cloud],
+        change: Change,
+    ) -> Change {
+        let is_new = change != Change::Nothing;
+        match view.light_parts() {
+            Some((lit, buffers))
+                if self.light.write(device, queue, lit, &buffers, camera, clouds, is_new) && !is_new =>
+            {
+                Change::Colors
+            }
+            _ => change,
+        }
     }
 
     /// Usages that the texture of a layer needs besides that of an attachment.
@@ -201,6 +236,37 @@ impl SplatPass {
         if let Some(lists) = view.lists(device, queue, tiles) {
             let strokes = strokes.as_ref().map(|group| (&self.project.strokes, group));
             tiles.blend(device, encoder, lists, (layer.color, layer.depth), strokes);
+        }
+    }
+
+    /// The textures of views with several samples per pixel, of `size` in pixels.
+    pub fn edge_layers(&self, device: &wgpu::Device, size: UVec2) -> EdgeLayers {
+        EdgeLayers::new(device, size, self.layer_usages())
+    }
+
+    /// Draws `view` for a target with several samples per pixel, once per pixel and twice where meshes end, and
+    /// clears `layers` first. `depth` is what the meshes left, reverse z with several samples, which shaders
+    /// may read. [`project_and_sort`](Self::project_and_sort) with `camera` comes before. `pipeline` is that
+    /// of one sample and `Depth32Float`.
+    #[expect(clippy::too_many_arguments, reason = "three of them are wgpu's own at every call")]
+    pub fn draw_edge_layers(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        encoder: &mut wgpu::CommandEncoder,
+        view: &mut SplatView,
+        camera: &Camera,
+        (layers, depth): (&EdgeLayers, &wgpu::TextureView),
+        pipeline: &SplatPipeline,
+    ) {
+        if let Some(edges) = view.edges(device, queue, camera) {
+            self.edges.get_or_init(|| Edges::new(device)).encode(device, encoder, edges, layers, depth);
+        }
+        for (color, depth) in
+            [(&layers.farther, &layers.farther_depth), (&layers.nearer, &layers.nearer_depth)]
+        {
+            let layer = Layer { color, depth: Some(depth) };
+            self.draw_layer(device, queue, encoder, view, &layer, pipeline);
         }
     }
 

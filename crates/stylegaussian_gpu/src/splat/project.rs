@@ -3,15 +3,16 @@
 use std::sync::OnceLock;
 
 use bytemuck::Zeroable;
-use glam::Affine3A;
+use glam::{Affine3A, DVec3};
 use stylegaussian::{mask::MaskUse, scene::ScreenFilter};
 use stylegaussian_shaders::splat::{
     self as shaders, ANTIALIASED, BY_DISTANCE, CAPTURED_COLORS, CROPPED, NO_SH, SplatChunk, WORKGROUP,
 };
 
 use super::{
-    camera::Camera,
+    camera::{Camera, in_f64},
     cloud::Cloud,
+    eyes::EyeStage,
     scene::Chunk,
     settings::{SortKey, SplatSettings},
     strokes::{StrokeStage, draw_uniforms, with_knobs},
@@ -31,15 +32,17 @@ const MAX_WORKGROUPS: u32 = 65_535;
 #[derive(Debug)]
 pub(super) struct Project {
     /// Group 0: the chunk's uniforms, keys, and both halves of the records.
-    view_layout: wgpu::BindGroupLayout,
+    pub(super) view_layout: wgpu::BindGroupLayout,
     /// Clouds without a mask.
-    plain: Variant,
+    pub(super) plain: Variant,
     /// Clouds with one; compiled when it is asked for, or when the first is drawn.
     masked: OnceLock<Variant>,
     /// Bound if a scene has no spherical harmonics, or if its captured colors are shown.
     absent: wgpu::Buffer,
     /// The kernel that follows for clouds with strokes.
     pub(super) strokes: StrokeStage,
+    /// The kernel for two eyes.
+    pub(super) eyes: EyeStage,
 }
 
 /// The kernel with or without a mask.
@@ -47,7 +50,7 @@ pub(super) struct Project {
 pub(super) struct Variant {
     pipeline: wgpu::ComputePipeline,
     /// Group 1: Gaussians, spherical harmonics, colors, and the mask if there is one.
-    chunk_layout: wgpu::BindGroupLayout,
+    pub(super) chunk_layout: wgpu::BindGroupLayout,
 }
 
 impl Variant {
@@ -76,7 +79,8 @@ impl Project {
         let view_layout = group_layout(device, label, compute, &[uniforms, write, write, write]);
         let absent = buffers::create(device, "splat_absent", 16, wgpu::BufferUsages::STORAGE);
         let plain = Variant::new(device, &view_layout, false);
-        Self { view_layout, plain, masked: OnceLock::new(), absent, strokes: StrokeStage::new(store) }
+        let (strokes, eyes) = (StrokeStage::new(store), EyeStage::default());
+        Self { view_layout, plain, masked: OnceLock::new(), absent, strokes, eyes }
     }
 
     /// The kernel for clouds with a mask, which is compiled unless it is there.
@@ -85,13 +89,14 @@ impl Project {
     }
 
     /// Uploads the uniforms of every chunk of `clouds`, and makes bindings for chunks that have none. Returns
-    /// the difference from the frame that made the records.
+    /// the difference from the frame that made the records. If `middle` is given, colors are seen from that
+    /// place in the world, and not from the camera's.
     pub fn write(
         &self,
         device: &wgpu::Device,
         queue: &wgpu::Queue,
         view: &mut SplatView,
-        camera: &Camera,
+        (camera, middle): (&Camera, Option<DVec3>),
         clouds: &[&Cloud],
         settings: &SplatSettings,
     ) -> Change {
@@ -102,7 +107,7 @@ impl Project {
         let draw = draw_uniforms(painted.map(|painted| painted.knobs));
         for cloud in clouds {
             let painted = cloud.colors.painted();
-            let of_cloud = cloud_uniforms(camera, cloud, settings);
+            let of_cloud = cloud_uniforms((camera, middle), cloud, settings);
             let versions = ChunkVersions {
                 colors: cloud.colors.own().map_or(0, GaussianColors::version),
                 mask: cloud.mask().map_or(0, |visibility| visibility.mask.version()),
@@ -198,12 +203,20 @@ pub(super) fn dispatch(pass: &mut wgpu::ComputePass, n_gaussians: u32) {
 }
 
 /// The uniforms that the chunks of a cloud share.
-fn cloud_uniforms(camera: &Camera, cloud: &Cloud, settings: &SplatSettings) -> SplatChunk {
+fn cloud_uniforms(
+    (camera, middle): (&Camera, Option<DVec3>),
+    cloud: &Cloud,
+    settings: &SplatSettings,
+) -> SplatChunk {
     let [view_from_scene_x, view_from_scene_y, view_from_scene_z] =
         rows(&camera.view_from(&cloud.world_from_scene));
     let clip_row = |i| camera.clip_from_view.row(i).to_array();
     let flag = |set: bool, flag: u32| if set { flag } else { 0 };
-    let eye = camera.eye_in(&cloud.world_from_scene);
+    let place = &cloud.world_from_scene;
+    let eye = match middle {
+        Some(middle) => in_f64(place).inverse().transform_point3(middle).as_vec3().extend(1.0),
+        None => camera.eye_in(place),
+    };
     SplatChunk {
         view_from_scene_x,
         view_from_scene_y,
@@ -225,8 +238,20 @@ fn cloud_uniforms(camera: &Camera, cloud: &Cloud, settings: &SplatSettings) -> S
             | flag(cloud.scene.filter() == ScreenFilter::Antialiased, ANTIALIASED)
             | flag(cloud.mask().is_some_and(|visibility| visibility.is == MaskUse::Crop), CROPPED),
         mask_shift: cloud.mask().map_or(0, |visibility| 8 * visibility.channel as u32),
+        least_variance: squared(settings.cuts.least_radius),
+        least_opacity: if settings.cuts.least_opacity.is_finite() {
+            settings.cuts.least_opacity
+        } else {
+            0.0
+        },
         ..SplatChunk::zeroed()
     }
+}
+
+/// The square of a radius, 0 if it is none.
+fn squared(radius: f32) -> f32 {
+    let squared = radius.max(0.0).powi(2);
+    if squared.is_finite() { squared } else { 0.0 }
 }
 
 fn rows(affine: &Affine3A) -> [[f32; 4]; 3] {

@@ -27,8 +27,9 @@ pub(super) struct Sort {
     passes: [wgpu::Buffer; N_PASSES],
 }
 
-/// Keys and values on their way through the sort, for up to a number of records.
-#[derive(Debug)]
+/// Keys and values on their way through the sort, for up to a number of records. A clone names the same
+/// buffers.
+#[derive(Clone, Debug)]
 pub(super) struct SortBuffers {
     /// Keys of all records, the input of the sort `[n_records]`; overwritten by it.
     pub keys: wgpu::Buffer,
@@ -41,7 +42,7 @@ pub(super) struct SortBuffers {
     groups: Groups,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Groups {
     histogram: [wgpu::BindGroup; N_PASSES],
     scan: [wgpu::BindGroup; N_PASSES],

@@ -133,11 +133,13 @@ impl Tiles {
         let kernel = &self.blend[tested];
         let textures = (layer.clone(), depth.cloned());
         // Textures change if a window is resized, but hardly otherwise.
-        if lists.blend.as_ref().is_none_or(|(of, _)| *of != textures) {
+        if !lists.blends.iter().any(|(of, _)| *of == textures) {
             let group = lists.bind_blend(device, kernel, layer, depth);
-            lists.blend = Some((textures, group));
+            // The layers of both sides of edges are blended from the same lists.
+            lists.blends.truncate(1);
+            lists.blends.insert(0, (textures.clone(), group));
         }
-        let Some((_, group)) = &lists.blend else { return };
+        let Some((_, group)) = lists.blends.iter().find(|(of, _)| *of == textures) else { return };
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("splat_tiles_blend"),
             timestamp_writes: None,
@@ -178,8 +180,8 @@ pub(super) struct TileLists {
     scan: wgpu::BindGroup,
     total: wgpu::BindGroup,
     scatter: wgpu::BindGroup,
-    /// The layer and the depth texture of the last frame, bound.
-    blend: Option<((wgpu::TextureView, Option<wgpu::TextureView>), wgpu::BindGroup)>,
+    /// The last two layers and their depth textures, bound.
+    blends: Vec<((wgpu::TextureView, Option<wgpu::TextureView>), wgpu::BindGroup)>,
 }
 
 /// Columns and rows of tiles.
@@ -262,7 +264,7 @@ impl TileLists {
                     &progress[1],
                 ],
             ),
-            blend: None,
+            blends: Vec::new(),
             uniforms,
             run_counts,
             segments,

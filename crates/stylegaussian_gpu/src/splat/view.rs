@@ -11,16 +11,20 @@ use stylegaussian_shaders::splat::{
 use super::{
     camera::Camera,
     depth::Sorted,
+    edges::EdgeUniforms,
     error::SplatError,
     light::{LightBuffers, LitView, ViewLight},
     sort::{Sort, SortBuffers},
     strokes::{StrokeStage, ViewStrokes},
     tiles::{TileLists, Tiles},
 };
-use crate::{
-    bindings::bind_group,
-    buffers::{self, TooLarge},
-};
+use crate::buffers::{self, TooLarge};
+
+mod eyes;
+mod records;
+
+use eyes::EyeState;
+use records::{ChunkUniforms, ViewBuffers};
 
 /// Bytes of one half of a record.
 const HALF_RECORD: u64 = 16;
@@ -48,36 +52,17 @@ pub struct SplatView {
     /// The sources of the records that are on the GPU.
     drawn: Vec<ChunkSource>,
     /// Left, top, width and height in pixels; `None` if there is nothing to draw.
-    viewport: Option<glam::UVec4>,
+    pub(super) viewport: Option<glam::UVec4>,
     /// Whether this frame shows clouds with strokes.
     is_painted: bool,
     /// Tints, shadows and fog.
     pub(super) lit: LitView,
     /// A number that differs after each change of the visible splats or their order.
     order: u64,
-}
-
-/// The buffers with a size that depends on the number of records.
-#[derive(Debug)]
-struct ViewBuffers {
-    n_records: usize,
-    geometry_halves: wgpu::Buffer,
-    color_halves: wgpu::Buffer,
-    draw_uniforms: wgpu::Buffer,
-    sort: SortBuffers,
-    draw_group: wgpu::BindGroup,
-    /// The number of records in use and the viewport that the uniforms hold, if they hold any.
-    uploaded: Option<(u32, glam::UVec4)>,
-    /// The lists of tiles, once a layer was drawn by them.
-    lists: Option<TileLists>,
-    /// The strokes of the records, once a cloud with strokes was seen.
-    strokes: Option<ViewStrokes>,
-}
-
-#[derive(Debug)]
-struct ChunkUniforms {
-    buffer: wgpu::Buffer,
-    group: wgpu::BindGroup,
+    /// What is an edge, once a layer with several samples per pixel was drawn.
+    pub(super) edges: Option<EdgeUniforms>,
+    /// What this view shares with that of another eye.
+    eyes: EyeState,
 }
 
 /// The buffers that a chunk is projected from.
@@ -120,7 +105,7 @@ struct ChunkSource {
 }
 
 /// The difference between a frame and the one that made the records on the GPU.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Change {
     /// There is none.
     Nothing,
@@ -253,15 +238,21 @@ impl SplatView {
         let (found, limit) = (Self::record_bytes(n_records), Self::record_limit(device));
         TooLarge::check("splats", found, limit)
             .map_err(|too_large| SplatError::TooManyGaussians { n_gaussians: n_records, too_large })?;
-        if self.buffers.as_ref().is_none_or(|buffers| buffers.n_records < n_records) {
-            // The old buffers go first, so that both are never in memory together.
-            self.buffers = None;
-            self.drawn.clear();
-            // Their group names the old buffers.
-            self.chunk_uniforms = None;
+        let is_own = |buffers: &ViewBuffers| !buffers.is_sorted_by_other && buffers.n_records >= n_records;
+        if !self.buffers.as_ref().is_some_and(is_own) {
+            self.release();
+            let sort = SortBuffers::new(device, sort, n_records);
             self.buffers = Some(ViewBuffers::new(device, sort, draw_layout, n_records));
         }
         Ok(())
+    }
+
+    /// Releases all buffers, e.g. before new ones, so that both are never in memory together.
+    fn release(&mut self) {
+        self.buffers = None;
+        self.drawn.clear();
+        // Their group names the old buffers.
+        self.chunk_uniforms = None;
     }
 
     /// Uploads the number of records in use and the viewport, if they changed.
@@ -459,52 +450,5 @@ impl SplatView {
     #[cfg(test)]
     pub(super) fn records(&self) -> Option<(&wgpu::Buffer, &wgpu::Buffer)> {
         self.buffers.as_ref().map(|buffers| (&buffers.geometry_halves, &buffers.color_halves))
-    }
-}
-
-impl ViewBuffers {
-    fn new(
-        device: &wgpu::Device,
-        sort: &Sort,
-        draw_layout: &wgpu::BindGroupLayout,
-        n_records: usize,
-    ) -> Self {
-        let [geometry_halves, color_halves] = ["splat_geometry_halves", "splat_color_halves"].map(|label| {
-            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-            buffers::create(device, label, HALF_RECORD * n_records as u64, usage)
-        });
-        let draw_uniforms = buffers::uniforms(device, "splat_draw", size_of::<SplatDraw>() as u64);
-        let sort = SortBuffers::new(device, sort, n_records);
-        let bound = [&draw_uniforms, &sort.counts, &sort.record_indices, &geometry_halves, &color_halves];
-        let resources = bound.map(wgpu::Buffer::as_entire_binding);
-        let draw_group = bind_group(device, "splat_draw", draw_layout, &resources);
-        Self {
-            n_records,
-            geometry_halves,
-            color_halves,
-            draw_uniforms,
-            sort,
-            draw_group,
-            uploaded: None,
-            lists: None,
-            strokes: None,
-        }
-    }
-}
-
-impl ChunkUniforms {
-    fn new(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, buffers: &ViewBuffers, size: u64) -> Self {
-        let buffer = buffers::uniforms(device, "splat_project_view", size);
-        // The binding covers one chunk; a dynamic offset selects which.
-        let one_chunk = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-            buffer: &buffer,
-            offset: 0,
-            size: wgpu::BufferSize::new(size_of::<SplatChunk>() as u64),
-        });
-        let records = [&buffers.sort.keys, &buffers.geometry_halves, &buffers.color_halves];
-        let [keys, geometry, color] = records.map(wgpu::Buffer::as_entire_binding);
-        let resources = [one_chunk, keys, geometry, color];
-        let group = bind_group(device, "splat_project_view", layout, &resources);
-        Self { buffer, group }
     }
 }

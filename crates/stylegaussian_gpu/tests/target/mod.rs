@@ -2,10 +2,11 @@
 
 #![allow(dead_code, reason = "each test file uses a part")]
 
+use glam::{UVec2, UVec4};
 use half::f16;
 use stylegaussian_gpu::{
     device::{DeviceError, DeviceOptions, HeadlessDevice},
-    splat::LAYER_FORMAT,
+    splat::{Camera, Composite, CompositeMode, EdgeLayers, LAYER_FORMAT, SplatPass, SplatView},
 };
 
 /// A device, or `None` with a message if there is none.
@@ -89,6 +90,57 @@ pub fn pass(
     draw(&mut pass);
     drop(pass);
     gpu.queue.submit([encoder.finish()]);
+}
+
+/// The layers of both sides of the edges in `depth`, which has several samples per pixel.
+pub fn edge_layers(
+    HeadlessDevice { device, queue, .. }: &HeadlessDevice,
+    splats: &SplatPass,
+    view: &mut SplatView,
+    camera: &Camera,
+    depth: &wgpu::Texture,
+) -> EdgeLayers {
+    let layers = splats.edge_layers(device, UVec2::new(depth.width(), depth.height()));
+    let pipeline = splats.pipeline(device, 1, Some(depth.format()));
+    let depth = depth.create_view(&wgpu::TextureViewDescriptor::default());
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    splats.draw_edge_layers(device, queue, &mut encoder, view, camera, (&layers, &depth), &pipeline);
+    queue.submit([encoder.finish()]);
+    layers
+}
+
+/// Puts the layers of a depth of `samples` samples over nothing, as they are stored.
+pub fn composite_edges(gpu: &HeadlessDevice, layers: &EdgeLayers, samples: u32, target: &wgpu::Texture) {
+    let composite = Composite::new(&gpu.device);
+    let samples = [target.sample_count(), samples];
+    let over = composite.edge_pipeline(&gpu.device, target.format(), samples, CompositeMode::Encoded);
+    let input = composite.bind_edges(&gpu.device, layers, None);
+    let UVec2 { x, y } = layers.size();
+    pass(gpu, target, None, wgpu::Color::TRANSPARENT, |pass| {
+        composite.draw(pass, &over, &input, UVec4::new(0, 0, x, y));
+    });
+}
+
+/// The mean of the samples of a layer: the layer itself if it has one.
+pub fn resolved(gpu: &HeadlessDevice, samples: &wgpu::Texture) -> wgpu::Texture {
+    if samples.sample_count() == 1 {
+        return samples.clone();
+    }
+    let single = texture(&gpu.device, [samples.width(), samples.height()], samples.format(), 1);
+    let [view, resolved] =
+        [samples, &single].map(|texture| texture.create_view(&wgpu::TextureViewDescriptor::default()));
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view: &view,
+            depth_slice: None,
+            resolve_target: Some(&resolved),
+            ops: wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store },
+        })],
+        ..Default::default()
+    });
+    gpu.queue.submit([encoder.finish()]);
+    single
 }
 
 /// The texels of a texture of one sample, row by row. Bytes become 0..1, undecoded.

@@ -349,7 +349,7 @@ fn only_what_changed_is_done_again() {
     let mut change = |camera: &Camera, cloud: &Cloud| {
         view.clear();
         view.reserve(device, &pass.sort, &pass.draw.layout, 50).unwrap();
-        pass.project.write(device, queue, &mut view, camera, &[cloud], &SplatSettings::default())
+        pass.project.write(device, queue, &mut view, (camera, None), &[cloud], &SplatSettings::default())
     };
     assert_eq!(change(&camera, &plain), Change::Order);
     assert_eq!(change(&camera, &plain), Change::Nothing);
@@ -434,7 +434,7 @@ fn masks_cost_nothing_where_there_are_none() {
     let mut change = |cloud: &Cloud| {
         view.clear();
         view.reserve(device, &pass.sort, &pass.draw.layout, 50).unwrap();
-        pass.project.write(device, queue, &mut view, &camera, &[cloud], &SplatSettings::default())
+        pass.project.write(device, queue, &mut view, (&camera, None), &[cloud], &SplatSettings::default())
     };
     assert_eq!([change(&plain), change(&plain)], [Change::Order, Change::Nothing]);
     mask.write_range(queue, 3, &[[255; 4]; 2]);

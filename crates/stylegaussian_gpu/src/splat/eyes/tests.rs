@@ -1,0 +1,191 @@
+//! The records of two eyes against those of views of their own.
+
+use std::collections::BTreeSet;
+
+use glam::{Affine3A, Mat4, Quat, UVec4, Vec3};
+use stylegaussian::{Scene, mask::MaskUse, scene::Sh, sh, splat::MIN_ALPHA};
+use stylegaussian_shaders::splat::SplatCounts;
+
+use super::middle;
+use crate::{
+    device::HeadlessDevice,
+    mask::GaussianMask,
+    splat::{
+        Camera, Cloud, CloudColors, CloudVisibility, GpuScene, SortKey, SplatPass, SplatSettings, SplatView,
+        camera::in_f64,
+        testing::{gpu, randoms, read},
+    },
+};
+
+/// The order of a view, and both halves of its records.
+struct Records {
+    sorted: Vec<u32>,
+    geometry: Vec<[u32; 4]>,
+    color: Vec<[u32; 4]>,
+}
+
+fn records(gpu: &HeadlessDevice, view: &SplatView) -> Records {
+    let sort = view.sort().unwrap();
+    let n_visible = read::<SplatCounts>(gpu, &sort.counts)[0].n_visible as usize;
+    let mut sorted: Vec<u32> = read(gpu, &sort.record_indices);
+    sorted.truncate(n_visible);
+    let (geometry, color) = view.records().unwrap();
+    Records { sorted, geometry: read(gpu, geometry), color: read(gpu, color) }
+}
+
+fn settings() -> SplatSettings {
+    SplatSettings { sort_key: SortKey::Distance, ..SplatSettings::default() }
+}
+
+fn by_itself(
+    gpu: &HeadlessDevice,
+    pass: &SplatPass,
+    view: &mut SplatView,
+    camera: &Camera,
+    clouds: &[Cloud],
+) -> Records {
+    let HeadlessDevice { device, queue, .. } = gpu;
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    pass.project_and_sort(device, queue, &mut encoder, view, camera, clouds, &settings()).unwrap();
+    queue.submit([encoder.finish()]);
+    records(gpu, view)
+}
+
+fn of_eyes(
+    gpu: &HeadlessDevice,
+    pass: &SplatPass,
+    [first, second]: &mut [SplatView; 2],
+    cameras: &[Camera; 2],
+    clouds: &[Cloud],
+) -> [Records; 2] {
+    let HeadlessDevice { device, queue, .. } = gpu;
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let (views, cameras) = ([&mut *first, &mut *second], cameras.each_ref());
+    pass.project_and_sort_eyes(device, queue, &mut encoder, views, cameras, clouds, &settings()).unwrap();
+    queue.submit([encoder.finish()]);
+    [records(gpu, first), records(gpu, second)]
+}
+
+/// Gaussians around the origin, in and out of sight.
+fn random_scene(n: usize, seed: u64) -> Scene {
+    let mut random = randoms(seed);
+    let mut scene = Scene::default();
+    for _ in 0..n {
+        scene.means.push(8.0 * Vec3::new(random(), random(), random()) - 4.0);
+        scene.scales.push(0.003 + 0.4 * Vec3::new(random(), random(), random()).powf(4.0));
+        let axis = Vec3::new(random() - 0.5, random() - 0.5, random() - 0.5);
+        scene.rotations.push(Quat::from_axis_angle(axis.normalize(), 6.0 * random()));
+        scene.opacities.push(random().powi(2));
+    }
+    let coefficients = (0..n * 3 * sh::n_coefficients(1)).map(|_| random() - 0.5).collect();
+    scene.sh = Some(Sh { degree: 1, coefficients });
+    scene
+}
+
+/// Two eyes a unit apart, with off-axis projections, each with its part of the target.
+fn cameras() -> [Camera; 2] {
+    let head = Affine3A::look_at_rh(Vec3::new(1.0, 1.0, 5.0), Vec3::ZERO, Vec3::Y).inverse();
+    [-1.0, 1.0].map(|side: f32| {
+        let mut clip_from_view = Mat4::perspective_infinite_reverse_rh(0.9, 160.0 / 120.0, 0.1);
+        clip_from_view.z_axis.x = -0.2 * side;
+        let left = if side < 0.0 { 0 } else { 160 };
+        Camera {
+            world_from_view: head * Affine3A::from_translation(0.5 * side * Vec3::X),
+            clip_from_view,
+            viewport: UVec4::new(left, 0, 160, 120),
+        }
+    })
+}
+
+/// Checks the records of two eyes against those of views by themselves.
+fn check(gpu: &HeadlessDevice, scene: &Scene, place: Affine3A, mask: Option<&GaussianMask>) {
+    let device = &gpu.device;
+    let on_gpu = GpuScene::in_chunks(device, scene, 300);
+    let visibility = mask.map(|mask| CloudVisibility { mask, channel: 0, is: MaskUse::Crop });
+    let clouds =
+        [Cloud { scene: &on_gpu, colors: CloudColors::Captured, world_from_scene: place, visibility }];
+    let cameras = cameras();
+    let pass = SplatPass::new(device);
+    let mut views = [SplatView::new(), SplatView::new()];
+    // A view that was one of its own before, and one that will be afterwards.
+    by_itself(gpu, &pass, &mut views[1], &cameras[1], &clouds);
+    let eyes = of_eyes(gpu, &pass, &mut views, &cameras, &clouds);
+    let own = cameras.each_ref().map(|camera| by_itself(gpu, &pass, &mut SplatView::new(), camera, &clouds));
+    let between = Camera {
+        world_from_view: cameras[0].world_from_view * Affine3A::from_translation(0.5 * Vec3::X),
+        ..cameras[0].clone()
+    };
+    let from_middle = by_itself(gpu, &pass, &mut SplatView::new(), &between, &clouds);
+
+    let seen = own.each_ref().map(|records| records.sorted.iter().copied().collect::<BTreeSet<u32>>());
+    let either: BTreeSet<u32> = seen[0].union(&seen[1]).copied().collect();
+    let alone = either.len() - seen[0].intersection(&seen[1]).count();
+    assert!(either.len() > 50 && alone > 5, "{} seen, {alone} by one eye", either.len());
+    assert_eq!(eyes[0].sorted, eyes[1].sorted);
+    assert_eq!(eyes[0].sorted.iter().copied().collect::<BTreeSet<u32>>(), either);
+
+    let opacity = |color: &[u32; 4]| half::f16::from_bits((color[3] >> 16) as u16).to_f32();
+    let rgb = |color: &[u32; 4]| [color[2], color[3] & 0xffff];
+    for &i in &either {
+        let at = i as usize;
+        assert_eq!(rgb(&eyes[0].color[at]), rgb(&eyes[1].color[at]), "record {i}: colors differ");
+        for ((eye, own), seen) in eyes.iter().zip(&own).zip(&seen) {
+            if !seen.contains(&i) {
+                assert!(opacity(&eye.color[at]) < MIN_ALPHA, "record {i} is not seen by this eye");
+                continue;
+            }
+            assert_eq!(eye.geometry[at], own.geometry[at], "record {i}");
+            assert_eq!(eye.color[at][..2], own.color[at][..2], "record {i}");
+            assert_eq!(opacity(&eye.color[at]), opacity(&own.color[at]), "record {i}");
+        }
+        if from_middle.sorted.contains(&i) {
+            let numbers = |color: &[u32; 4]| {
+                let half = |bits: u32| half::f16::from_bits(bits as u16).to_f32();
+                Vec3::new(half(color[2]), half(color[2] >> 16), half(color[3]))
+            };
+            let off = (numbers(&eyes[0].color[at]) - numbers(&from_middle.color[at])).abs().max_element();
+            assert!(off < 2e-3, "record {i}: a color is off by {off}");
+        }
+    }
+    let middle = middle(cameras.each_ref());
+    let distance =
+        |i: u32| in_f64(&place).transform_point3(scene.means[i as usize].as_dvec3()).distance(middle);
+    for pair in eyes[0].sorted.windows(2) {
+        let [near, far] = [distance(pair[0]), distance(pair[1])];
+        assert!(near <= far + 1e-5 * (1.0 + far), "{near} drawn over {far}");
+    }
+
+    // The same views by themselves again.
+    for ((view, camera), own) in views.iter_mut().zip(&cameras).zip(&own) {
+        let again = by_itself(gpu, &pass, view, camera, &clouds);
+        assert_eq!(again.sorted, own.sorted);
+        for &i in &own.sorted {
+            assert_eq!(again.color[i as usize], own.color[i as usize]);
+        }
+    }
+}
+
+/// Footprints are those of either camera, to the bit; colors and the order are those of the middle.
+#[test]
+fn eyes_have_their_own_footprints_and_one_order() {
+    let Some(gpu) = gpu() else { return };
+    let scene = random_scene(700, 3);
+    check(&gpu, &scene, Affine3A::IDENTITY, None);
+    let stretched = Affine3A::from_scale_rotation_translation(
+        Vec3::new(0.5, 2.0, 1.2),
+        Quat::from_rotation_y(0.8),
+        Vec3::new(0.5, -0.4, 1.0),
+    );
+    check(&gpu, &scene, stretched, None);
+}
+
+/// A mask hides from both eyes what it hides.
+#[test]
+fn eyes_see_through_masks() {
+    let Some(gpu) = gpu() else { return };
+    let scene = random_scene(700, 4);
+    let weights: Vec<[u8; 4]> =
+        (0..scene.len()).map(|i| if i % 3 == 0 { [0; 4] } else { [255; 4] }).collect();
+    let mask = GaussianMask::new(&gpu.device, &gpu.queue, &weights).unwrap();
+    check(&gpu, &scene, Affine3A::IDENTITY, Some(&mask));
+}
