@@ -57,8 +57,3 @@ fn float_constants(constants: &[(&str, f32)]) -> String {
     // `{:?}` writes the shortest digits that parse to the same f32.
     constants.iter().map(|(name, value)| format!("const {name}: f32 = {value:?}f;\n")).collect()
 }
-#[cfg(test)]
-extern crate self as stylegaussian_shaders;
-#[cfg(test)]
-#[path = "../tests/shaders.rs"]
-mod tmp;

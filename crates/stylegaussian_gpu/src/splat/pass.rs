@@ -186,14 +186,10 @@ impl SplatPass {
         change: Change,
     ) -> Change {
         let is_new = change != Change::Nothing;
-        match view.light_parts() {
-            Some((lit, buffers))
-                if self.light.write(device, queue, lit, &buffers, camera, clouds, is_new) && !is_new =>
-            {
-                Change::Colors
-            }
-            _ => change,
-        }
+        let is_relit = view.light_parts().is_some_and(|(lit, buffers)| {
+            self.light.write(device, queue, lit, &buffers, camera, clouds, is_new)
+        });
+        if is_relit && !is_new { Change::Colors } else { change }
     }
 
     /// Usages that the texture of a layer needs besides that of an attachment.
