@@ -213,7 +213,7 @@ fn depth_is_free_unless_it_is_asked_for() {
     let color = color.create_view(&wgpu::TextureViewDescriptor::default());
     let pipeline = pass.pipeline(device, 1, None);
     let mut encoder = sorted(&gpu, &pass, &mut view, &camera, &scene);
-    let layer = Layer { color: &color, resolved: None, depth: None };
+    let layer = Layer { color: &color, depth: None };
     pass.draw_layer(device, queue, &mut encoder, &mut view, &layer, &pipeline);
     assert!(pass.depth.get().is_none());
     pass.find_depth(device, queue, &mut encoder, &mut view, ISO_THRESHOLD, &mut iso);
