@@ -21,7 +21,7 @@ pub const STROKE: f32 = 16.0;
 pub const TURN: f32 = 0.4;
 
 /// Part of a run at either end of it within which a flowing stroke comes or goes.
-pub const FADE: f32 = 0.2;
+pub const FADE: f32 = 0.1;
 
 /// Cosine between a stroke and the direction of its flow above which it runs at full speed. Strokes across the
 /// flow stand still, so that neighbors that differ little do not run against each other.
@@ -284,7 +284,7 @@ mod tests {
                 // The pattern runs against the place.
                 assert!(-step.dot(direction) * scene.x >= -1e-4, "{i}: {step}");
                 let changes = (after.fine - before.fine).abs();
-                assert!(changes < 0.15, "{i}: {changes}");
+                assert!(changes < 0.16, "{i}: {changes}");
                 n_seen += usize::from(step.length() > 0.25);
             } else if step.length() > 4.0 {
                 // It begins anew, of which nothing is seen.

@@ -175,7 +175,6 @@ impl SplatPass {
     }
 
     /// Finds the light on the records of `clouds`. Returns the change of the frame with that of light.
-    #[expect(clippy::too_many_arguments, reason = "two of them are wgpu's own at every call")]
     pub(super) fn relight(
         &self,
         device: &wgpu::Device,
