@@ -53,11 +53,18 @@ const SAMPLES: i32 = 8;
 /// # }
 /// ```
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
-#[reflect(Component, Clone, Debug, PartialEq)]
+#[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct StyledSky {
     /// The entity of a painted capture whose style it has.
     #[entities]
     pub like: Entity,
+}
+
+impl Default for StyledSky {
+    /// Beside no capture: the sky stays.
+    fn default() -> Self {
+        Self { like: Entity::PLACEHOLDER }
+    }
 }
 
 impl StyledSky {
@@ -287,7 +294,7 @@ mod tests {
             assert!((red * 255.0 - 40.0 * face as f32).abs() < 0.5 && green > 0.99, "{face}: {red}");
         }
         // Over an edge, both faces count.
-        let [red, ..] = color_of(&cube, Vec3::new(1.0, 0.0, 1.0), 0.2);
+        let [red, ..] = color_of(&cube, Vec3::new(1.0, 0.0, 1.0), 1.5);
         assert!(red > 0.1 && red * 255.0 < 159.0, "{red}");
         let flat = Image::default();
         assert!(readable(&flat).unwrap_err().contains("1 x 1 x 1 texels"));

@@ -190,7 +190,7 @@ fn draw_layer(
             pass.draw_layer(gpu.device, gpu.queue, gpu.encoder, buffers, &layer, ready.draw);
         }
         Layer::Edges(layers) => {
-            let target = (layers, &**depth);
+            let target = (&**layers, &**depth);
             let Gpu { device, queue, encoder, .. } = gpu;
             pass.draw_edge_layers(device, queue, encoder, buffers, camera, target, ready.draw);
         }

@@ -93,7 +93,7 @@ pub(super) enum Layer {
     /// Of views with one sample per pixel, and their size.
     Single(wgpu::TextureView, UVec2),
     /// Of views with several.
-    Edges(EdgeLayers),
+    Edges(Box<EdgeLayers>),
 }
 
 /// The components of a camera in the render world that its plan depends on.
@@ -312,7 +312,7 @@ impl ViewSplats {
 impl Layer {
     fn new(device: &wgpu::Device, plan: &Plan, pass: &SplatPass) -> Self {
         if plan.composite.depth_samples > 1 {
-            return Self::Edges(pass.edge_layers(device, plan.size));
+            return Self::Edges(Box::new(pass.edge_layers(device, plan.size)));
         }
         let texture = device.create_texture(&wgpu::TextureDescriptor {
             label: Some("splat_layer"),

@@ -25,7 +25,7 @@ fn wall(z: f32, opacity: f32, color: [f32; 3]) -> Ball {
 
 /// Whether there is water: more blue than red.
 fn is_blue(color: [f32; 3]) -> bool {
-    color[2] > color[0] + 0.1
+    color[2] > color[0] + 0.05
 }
 
 /// Checks that two colors differ by at most two steps of 8 bits.

@@ -259,7 +259,7 @@ fn lying_and_broken_headers() {
     refused(&changed("float x", "float y"), "declared twice");
     refused(
         &changed("float x", "quad x"),
-        "does not parse (Line 4: Couldn't parse line. String: 'property quad x ')",
+        "does not parse (Line 5: Couldn't parse line. String: 'property quad x ')",
     );
     refused(&changed("property float opacity", "property float opaqueness"), "without opacity");
     refused(&changed("property float x", "property list uchar float x"), "a list");
