@@ -143,8 +143,9 @@ fn decode(bytes: &[u8]) -> Result<Image, String> {
 fn image(bytes: &[u8]) -> Result<Image, String> {
     let (size, pixels) = bytes.split_first_chunk::<8>().ok_or("found a part of an image")?;
     let [width, height] = [0, 4].map(|at| u32::from_le_bytes([0, 1, 2, 3].map(|i| size[at + i])));
-    let expected = 4 * u64::from(width) * u64::from(height);
-    if expected == 0 || pixels.len() as u64 != expected {
+    // Four bytes each, of numbers that may be anything.
+    let expected = 4 * u128::from(width) * u128::from(height);
+    if expected == 0 || pixels.len() as u128 != expected {
         return Err(format!("found {} bytes of {width} x {height} pixels", pixels.len()));
     }
     let size = Extent3d { width, height, depth_or_array_layers: 1 };

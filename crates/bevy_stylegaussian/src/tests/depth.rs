@@ -23,6 +23,14 @@ fn wall(z: f32, opacity: f32, color: [f32; 3]) -> Ball {
     Ball { mean: Vec3::new(0.0, 0.0, z), scale: 40.0, opacity, color }
 }
 
+/// Lets Bevy load the shaders of an effect, which are assets.
+fn warm_up(studio: &mut Studio) {
+    for _ in 0..40 {
+        studio.app.update();
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+}
+
 /// Whether there is water: more blue than red.
 fn is_blue(color: [f32; 3]) -> bool {
     color[2] > color[0] + 0.05
@@ -153,6 +161,7 @@ fn depth_of_field_sees_splats() {
         let lens =
             DepthOfField { focal_distance, aperture_f_stops: 1.0 / 20.0, max_depth: 100.0, ..default() };
         studio.app.world_mut().entity_mut(camera).insert(lens);
+        warm_up(&mut studio);
         let picture = studio.shoot();
         let difference = |x: u32| (pixel(&picture, x, 30)[0] - pixel(&picture, x + 1, 30)[0]).abs();
         (16..48).map(difference).sum::<f32>()
@@ -188,6 +197,7 @@ fn ambient_occlusion_sees_splats() {
         // The rows below the wall's foot, in the middle of the picture.
         (33..36).flat_map(|y| (26..38).map(move |x| (x, y))).map(|(x, y)| pixel(&picture, x, y)[1]).sum()
     };
+    warm_up(&mut studio);
     let without = floor(&mut studio);
     studio.app.world_mut().entity_mut(camera).insert(SplatDepth::default());
     let with = floor(&mut studio);

@@ -18,7 +18,10 @@ use stylegaussian_shaders::splat::{
     depth::{self as shaders, N_SLICES, SplatIso},
 };
 
-use super::{pass::SplatPass, tiles::TileLists, view::SplatView};
+use super::{
+    tiles::{TileLists, Tiles},
+    view::SplatView,
+};
 use crate::{
     bindings::{
         self, bind_group, compute_pipeline, group_layout, pipeline_layout, shader_module, storage_binding,
@@ -30,7 +33,6 @@ mod slices;
 #[cfg(test)]
 mod tests;
 
-pub(super) use slices::Sorted;
 use slices::{Slices, ViewSlices};
 
 /// Bytes from one slice's uniforms to the next one's: the coarsest alignment of dynamic offsets that a device
@@ -102,7 +104,7 @@ fn uniforms_of(buffer: &wgpu::Buffer) -> wgpu::BindingResource<'_> {
 }
 
 impl Depth {
-    fn new(device: &wgpu::Device) -> Self {
+    pub(super) fn new(device: &wgpu::Device) -> Self {
         let layout = |stages, read_only| {
             group_layout(device, "splat_depth", stages, &[uniform_binding(), storage_binding(read_only)])
         };
@@ -207,27 +209,25 @@ impl IsoDepth {
     }
 }
 
-impl SplatPass {
-    /// Compiles the kernels of [`find_depth`](Self::find_depth), in any thread, while others draw. Without this
-    /// call, the first frame that asks for depth compiles them.
-    pub fn prepare_depth(&self, device: &wgpu::Device) {
-        let depth = self.depth(device);
-        if self.tiles.is_some() {
-            depth.tiles(device);
+impl Depth {
+    /// Compiles the kernels: those of lists of tiles, or those of quads of `draw_layout`.
+    pub(super) fn prepare(&self, device: &wgpu::Device, by_tiles: bool, draw_layout: &wgpu::BindGroupLayout) {
+        if by_tiles {
+            self.tiles(device);
         } else {
-            depth.slices(device, &self.draw.layout);
+            self.slices(device, draw_layout);
         }
     }
 
     /// The pipeline that writes depths into attachments of `format` at `samples` samples.
-    pub fn depth_pipeline(
+    pub(super) fn pipeline(
         &self,
         device: &wgpu::Device,
         samples: u32,
         format: wgpu::TextureFormat,
     ) -> DepthPipeline {
         let source = shaders::write();
-        let layout = pipeline_layout(device, source.label, &[&self.depth(device).read]);
+        let layout = pipeline_layout(device, source.label, &[&self.read]);
         let module = &shader_module(device, source);
         let compilation_options = wgpu::PipelineCompilationOptions::default();
         DepthPipeline(device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -259,17 +259,15 @@ impl SplatPass {
         }))
     }
 
-    /// Finds the iso depths of `view` by the fastest way of the adapter, unless `iso` has them already.
-    /// [`project_and_sort`](Self::project_and_sort) comes before, and `iso` belongs to this view alone.
-    ///
-    /// `threshold` is the share of the light, as [`iso_threshold`] limits it. A viewport with more pixels than
-    /// the device can bind numbers has no depths, nor has one whose lists of tiles overflow.
-    pub fn find_depth(
+    /// Finds the iso depths of `view`: by its lists of tiles, or by quads of `draw_layout`.
+    #[expect(clippy::too_many_arguments, reason = "three of them are wgpu's own at every call")]
+    pub(super) fn find(
         &self,
         device: &wgpu::Device,
         queue: &wgpu::Queue,
         encoder: &mut wgpu::CommandEncoder,
         view: &mut SplatView,
+        (tiles, draw_layout): (Option<&Tiles>, &wgpu::BindGroupLayout),
         threshold: f32,
         iso: &mut IsoDepth,
     ) {
@@ -280,22 +278,21 @@ impl SplatPass {
         };
         let viewport = source.viewport;
         let wanted = Some(Found { threshold, order: view.order(), counts: sorted.counts.clone() });
-        let depth = self.depth(device);
         if iso.made.as_ref().is_none_or(|made| made.viewport != viewport) {
             iso.found = None;
-            iso.made = Made::new(device, depth, viewport);
+            iso.made = Made::new(device, self, viewport);
         }
         let Some(made) = iso.made.as_mut().filter(|_| iso.found != wanted) else { return };
         iso.found = None;
         made.set_threshold(queue, threshold);
-        match &self.tiles {
+        match tiles {
             Some(tiles) => {
                 let Some(lists) = view.lists(device, queue, tiles) else { return };
                 tiles.fill(encoder, lists);
-                depth.find_in_lists(device, encoder, lists, made);
+                self.find_in_lists(device, encoder, lists, made);
             }
             None => {
-                let slices = depth.slices(device, &self.draw.layout);
+                let slices = self.slices(device, draw_layout);
                 let (Some(source), Some(sorted)) = (view.draw_source(), view.sorted()) else { return };
                 // A view that sees more than before has other buffers.
                 if made.slices.as_ref().is_none_or(|of_view| !of_view.fits(&sorted)) {
@@ -309,19 +306,16 @@ impl SplatPass {
         }
         iso.found = wanted;
     }
+}
 
-    /// Writes the depths of `iso` into the depth attachment of `pass`, where they are nearer. `pipeline` must
-    /// fit the attachment, which has the size of the camera's target. Nothing is written if there are none.
-    pub fn write_depth(&self, pass: &mut wgpu::RenderPass, iso: &IsoDepth, pipeline: &DepthPipeline) {
-        let Some(made) = iso.made.as_ref().filter(|_| iso.found.is_some()) else { return };
+impl IsoDepth {
+    /// Writes the depths into the depth attachment of `pass`, where they are nearer.
+    pub(super) fn write(&self, pass: &mut wgpu::RenderPass, pipeline: &DepthPipeline) {
+        let Some(made) = self.made.as_ref().filter(|_| self.found.is_some()) else { return };
         let [x, y, width, height] = made.viewport.as_vec4().to_array();
         pass.set_viewport(x, y, width, height, 0.0, 1.0);
         pass.set_pipeline(&pipeline.0);
         pass.set_bind_group(0, &made.read, &[0]);
         pass.draw(0..3, 0..1);
-    }
-
-    fn depth(&self, device: &wgpu::Device) -> &Depth {
-        self.depth.get_or_init(|| Depth::new(device))
     }
 }

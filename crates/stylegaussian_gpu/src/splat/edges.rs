@@ -7,7 +7,7 @@
 use glam::UVec2;
 use stylegaussian_shaders::splat::{self as shaders, SplatEdges};
 
-use super::{camera::Camera, layer::LAYER_FORMAT, view::SplatView};
+use super::{camera::Camera, layer::LAYER_FORMAT};
 use crate::{
     bindings::{bind_group, group_layout, pipeline_layout, shader_module, uniform_binding},
     buffers,
@@ -98,21 +98,6 @@ impl EdgeUniforms {
             queue.write_buffer(&self.buffer, 0, bytemuck::bytes_of(&now));
             self.written = Some(now);
         }
-    }
-}
-
-impl SplatView {
-    /// What is an edge for `camera`, and the viewport; `None` if there is nothing to draw.
-    pub(super) fn edges(
-        &mut self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        camera: &Camera,
-    ) -> Option<(&EdgeUniforms, glam::UVec4)> {
-        let viewport = self.viewport?;
-        let edges = self.edges.get_or_insert_with(|| EdgeUniforms::new(device));
-        edges.write(queue, camera);
-        Some((&*edges, viewport))
     }
 }
 

@@ -16,7 +16,7 @@ use super::{
     camera::Camera,
     cloud::Cloud,
     composite::CompositeMode,
-    project::dispatch,
+    dispatch::dispatch,
     tonemapping::{InverseTable, Tonemapping},
 };
 use crate::{

@@ -23,6 +23,9 @@ use super::{
 };
 use crate::{device::is_software, strokes::StrokeStore};
 
+mod depth;
+mod eyes;
+
 /// The pipelines of the splat pass. One pass serves any number of views.
 #[derive(Debug)]
 pub struct SplatPass {

@@ -6,12 +6,13 @@ use bytemuck::Zeroable;
 use glam::{Affine3A, DVec3};
 use stylegaussian::{mask::MaskUse, scene::ScreenFilter};
 use stylegaussian_shaders::splat::{
-    self as shaders, ANTIALIASED, BY_DISTANCE, CAPTURED_COLORS, CROPPED, NO_SH, SplatChunk, WORKGROUP,
+    self as shaders, ANTIALIASED, BY_DISTANCE, CAPTURED_COLORS, CROPPED, NO_SH, SplatChunk,
 };
 
 use super::{
     camera::{Camera, in_f64},
     cloud::Cloud,
+    dispatch::dispatch,
     eyes::EyeStage,
     scene::Chunk,
     settings::{SortKey, SplatSettings},
@@ -24,9 +25,6 @@ use crate::{
     colors::GaussianColors,
     strokes::StrokeStore,
 };
-
-/// Workgroups in one dimension of a dispatch, by WebGPU's default limits.
-const MAX_WORKGROUPS: u32 = 65_535;
 
 /// The pipelines and the layouts of their bindings.
 #[derive(Debug)]
@@ -192,14 +190,6 @@ impl Project {
         });
         ChunkGroups { project, strokes }
     }
-}
-
-/// Dispatches one invocation for each of `n_gaussians`.
-pub(super) fn dispatch(pass: &mut wgpu::ComputePass, n_gaussians: u32) {
-    let n = n_gaussians.div_ceil(WORKGROUP);
-    // Workgroups beyond the limit go into a second dimension.
-    let x = n.min(MAX_WORKGROUPS);
-    pass.dispatch_workgroups(x, n.div_ceil(x.max(1)), 1);
 }
 
 /// The uniforms that the chunks of a cloud share.

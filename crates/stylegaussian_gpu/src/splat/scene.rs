@@ -16,7 +16,7 @@ use stylegaussian::{
 use stylegaussian_shaders::{layers::MIX_BLOCK, splat::PackedGaussian};
 use wgpu::util::DeviceExt;
 
-use super::view::SplatView;
+use super::memory::{record_bytes, record_limit};
 use crate::buffers::TooLarge;
 
 /// N Gaussians on the GPU: means, rotations, scales, opacities and spherical harmonics. It never changes.
@@ -77,10 +77,10 @@ impl GpuScene {
     /// If no view could hold the scene's splats on this device.
     pub fn new(device: &wgpu::Device, scene: &Scene) -> Result<Self, TooLarge> {
         let n = scene.len();
-        let limit = SplatView::record_limit(device);
+        let limit = record_limit(device);
         let sh_bytes = 4 * scene.sh.as_ref().map_or(0, |sh| sh_words(sh.degree)) as u64;
         // The records of a view cannot be cut, and a chunk holds one Gaussian at least.
-        let found = [SplatView::record_bytes(n), GAUSSIAN_BYTES, sh_bytes].into_iter().max().unwrap_or(0);
+        let found = [record_bytes(n), GAUSSIAN_BYTES, sh_bytes].into_iter().max().unwrap_or(0);
         TooLarge::check("splats of the scene", found, limit)?;
         let per_chunk = (limit / GAUSSIAN_BYTES.max(sh_bytes)) as usize;
         Ok(Self::in_chunks(device, scene, per_chunk))

@@ -10,15 +10,15 @@ use stylegaussian_shaders::splat::{
 
 use super::{
     camera::Camera,
-    depth::Sorted,
     edges::EdgeUniforms,
     error::SplatError,
     light::{LightBuffers, LitView, ViewLight},
+    memory::{HALF_RECORD, record_bytes, record_limit},
     sort::{Sort, SortBuffers},
     strokes::{StrokeStage, ViewStrokes},
     tiles::{TileLists, Tiles},
 };
-use crate::buffers::{self, TooLarge};
+use crate::buffers::TooLarge;
 
 mod eyes;
 mod records;
@@ -26,15 +26,9 @@ mod records;
 use eyes::EyeState;
 use records::{ChunkUniforms, ViewBuffers};
 
-/// Bytes of one half of a record.
-const HALF_RECORD: u64 = 16;
-
 /// Bytes from one chunk's uniforms to the next one's: their size, and a multiple of the coarsest alignment of
 /// dynamic offsets that a device may ask for.
 const UNIFORM_STRIDE: usize = size_of::<StrokeChunk>().next_multiple_of(256);
-
-/// The most batches that the sort can dispatch: WebGPU's default limit on workgroups in one dimension.
-const MAX_BATCHES: u64 = 65_535;
 
 /// One view of the splat pass: a camera, or one of its pictures. Memory grows to the largest number of
 /// Gaussians seen and stays. Drop the view to give it back.
@@ -60,7 +54,7 @@ pub struct SplatView {
     /// A number that differs after each change of the visible splats or their order.
     order: u64,
     /// What is an edge, once a layer with several samples per pixel was drawn.
-    pub(super) edges: Option<EdgeUniforms>,
+    edges: Option<EdgeUniforms>,
     /// What this view shares with that of another eye.
     eyes: EyeState,
 }
@@ -160,6 +154,14 @@ pub(super) struct DrawSource<'a> {
     pub viewport: glam::UVec4,
 }
 
+/// The sorted records of a view.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sorted<'a> {
+    pub counts: &'a wgpu::Buffer,
+    pub record_indices: &'a wgpu::Buffer,
+    pub color_halves: &'a wgpu::Buffer,
+}
+
 impl SplatView {
     /// A view that holds nothing yet.
     pub fn new() -> Self {
@@ -168,7 +170,7 @@ impl SplatView {
 
     /// Bytes of the largest buffer that a view of `n_gaussians` needs.
     pub fn record_bytes(n_gaussians: usize) -> u64 {
-        (HALF_RECORD * n_gaussians as u64).max(SortBuffers::largest(n_gaussians))
+        record_bytes(n_gaussians)
     }
 
     /// Bytes of GPU memory that a view of `n_gaussians` takes. Strokes take 16 more for each of them, and 32
@@ -180,17 +182,23 @@ impl SplatView {
         per_record * n_gaussians as u64 + 1024 * (n_gaussians as u64).div_ceil(u64::from(SORT_BATCH))
     }
 
-    /// Bytes of the largest buffer that the records of a view may take.
-    pub(crate) fn record_limit(device: &wgpu::Device) -> u64 {
-        // The sort would need a second dimension of workgroups beyond that many batches.
-        let sortable = MAX_BATCHES * u64::from(SORT_BATCH) * HALF_RECORD;
-        buffers::largest_binding(device).min(sortable)
-    }
-
     /// Sets tints, shadows and fog for all frames until the next call. Without any, which is the default, they
     /// cost nothing.
     pub fn set_light(&mut self, light: Option<ViewLight>) {
         self.lit.set(light);
+    }
+
+    /// What is an edge for `camera`, and the viewport; `None` if there is nothing to draw.
+    pub(super) fn edges(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        camera: &Camera,
+    ) -> Option<(&EdgeUniforms, glam::UVec4)> {
+        let viewport = self.viewport?;
+        let edges = self.edges.get_or_insert_with(|| EdgeUniforms::new(device));
+        edges.write(queue, camera);
+        Some((&*edges, viewport))
     }
 
     /// The state of light, and the buffers that it changes.
@@ -235,7 +243,7 @@ impl SplatView {
         draw_layout: &wgpu::BindGroupLayout,
         n_records: usize,
     ) -> Result<(), SplatError> {
-        let (found, limit) = (Self::record_bytes(n_records), Self::record_limit(device));
+        let (found, limit) = (record_bytes(n_records), record_limit(device));
         TooLarge::check("splats", found, limit)
             .map_err(|too_large| SplatError::TooManyGaussians { n_gaussians: n_records, too_large })?;
         let is_own = |buffers: &ViewBuffers| !buffers.is_sorted_by_other && buffers.n_records >= n_records;

@@ -12,7 +12,10 @@ use stylegaussian_shaders::splat::{
     depth::{self as shaders, N_SLICES, SLICES_SIDE},
 };
 
-use super::{super::layer::LAYER_FORMAT, uniform_binding, uniforms_of};
+use super::{
+    super::{layer::LAYER_FORMAT, view::Sorted},
+    uniform_binding, uniforms_of,
+};
 use crate::{
     bindings::{Kernel, bind_group, pipeline_layout, shader_module, storage_binding},
     buffers,
@@ -24,14 +27,6 @@ pub(super) struct Slices {
     commands: Kernel,
     draw: wgpu::RenderPipeline,
     cross: Kernel,
-}
-
-/// The sorted records of a view.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::splat) struct Sorted<'a> {
-    pub counts: &'a wgpu::Buffer,
-    pub record_indices: &'a wgpu::Buffer,
-    pub color_halves: &'a wgpu::Buffer,
 }
 
 /// The moments of one view, and its bindings.

@@ -10,7 +10,7 @@ use super::*;
 use crate::{
     device::HeadlessDevice,
     splat::{
-        Camera, Cloud, CloudColors, GpuScene, LAYER_FORMAT, Layer, SplatSettings,
+        Camera, Cloud, CloudColors, GpuScene, LAYER_FORMAT, Layer, SplatPass, SplatSettings,
         testing::{gpu, randoms, read},
     },
 };

@@ -2,11 +2,10 @@
 
 use stylegaussian_shaders::splat::{SplatChunk, SplatDraw};
 
-use super::HALF_RECORD;
 use crate::{
     bindings::bind_group,
     buffers,
-    splat::{sort::SortBuffers, strokes::ViewStrokes, tiles::TileLists},
+    splat::{memory::HALF_RECORD, sort::SortBuffers, strokes::ViewStrokes, tiles::TileLists},
 };
 
 /// The buffers with a size that depends on the number of records.
