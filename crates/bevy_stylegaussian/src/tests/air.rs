@@ -9,7 +9,7 @@ use bevy::{
     render::RenderApp,
 };
 
-use crate::{SplatShadows, SplatTint, SplatTonemapping, splats::Held};
+use crate::{GaussianSceneReady, SplatShadows, SplatTint, SplatTonemapping, splats::Held};
 
 use super::{
     pictures::{EYE, RED, Studio, pixel},
@@ -75,6 +75,9 @@ fn fog_reaches_splats_as_it_reaches_meshes() {
         }
         let color = at(&studio.shoot(), MESH);
         let splats = studio.splats(solid(Vec3::new(-1.0, 0.0, 0.0), color), Transform::default());
+        while drain::<GaussianSceneReady>(&mut studio.app).is_empty() {
+            studio.app.update();
+        }
         let plain = studio.shoot();
         near("without fog", at(&plain, SPLATS), color, steps);
         for fog in [fogs()[i % 4].clone(), fogs()[(i + 1) % 4].clone()] {
