@@ -53,18 +53,11 @@ const SAMPLES: i32 = 8;
 /// # }
 /// ```
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
-#[reflect(Component, Clone, Debug, Default, PartialEq)]
+#[reflect(Component, Clone, Debug, PartialEq)]
 pub struct StyledSky {
     /// The entity of a painted capture whose style it has.
     #[entities]
     pub like: Entity,
-}
-
-impl Default for StyledSky {
-    /// Beside no capture: the sky stays.
-    fn default() -> Self {
-        Self { like: Entity::PLACEHOLDER }
-    }
 }
 
 impl StyledSky {

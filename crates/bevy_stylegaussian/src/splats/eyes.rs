@@ -20,15 +20,8 @@ use super::view::ViewSplats;
 #[derive(Component, ExtractComponent, Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
 #[extract_component_filter(With<Camera3d>)]
 #[require(Camera3d)]
-#[reflect(Component, Clone, Debug, Default, PartialEq)]
+#[reflect(Component, Clone, Debug, PartialEq)]
 pub struct SplatEyes(#[entities] pub Entity);
-
-impl Default for SplatEyes {
-    /// Beside no other eye: the camera draws by itself.
-    fn default() -> Self {
-        Self(Entity::PLACEHOLDER)
-    }
-}
 
 /// The place of a view in a pair of eyes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

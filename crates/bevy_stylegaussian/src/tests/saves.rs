@@ -238,7 +238,11 @@ fn every_registered_component_and_resource_can_be_saved() {
             && registration.data::<ReflectComponent>().is_some()
     }) {
         let path = registration.type_info().type_path();
-        let default = registration.data::<ReflectDefault>().unwrap_or_else(|| panic!("{path}: no default"));
+        let Some(default) = registration.data::<ReflectDefault>() else {
+            // Those that name another entity. Bevy saves entities with its feature `serialize`.
+            assert!(["SplatEyes", "StyledSky"].iter().any(|name| path.ends_with(name)), "{path}: no default");
+            continue;
+        };
         let text = serialized(default.default().as_partial_reflect(), &registry);
         let text = text.unwrap_or_else(|error| panic!("{path}: {error}"));
         let value: Value = serde_json::from_str(&text).unwrap();
