@@ -14,8 +14,8 @@ use super::{
 #[test]
 fn each_eye_sees_its_own_picture() {
     let Some(mut studio) = Studio::new() else { return };
-    // The eyes of a head that is ten meters away.
-    let places = [EYE - 0.032 * Vec3::X, EYE + 0.032 * Vec3::X];
+    // Three pixels apart.
+    let places = [EYE - 0.2 * Vec3::X, EYE + 0.2 * Vec3::X];
     let other = render_target(&mut studio.app, SIZE);
     let last = Camera { clear_color: Color::BLACK.into(), order: 1, ..default() };
     // The order that two eyes share is by distance.
@@ -26,11 +26,15 @@ fn each_eye_sees_its_own_picture() {
     ];
     studio.splats(balls(&translucent(80, 21)), Transform::default());
     let alone = [studio.shoot(), studio.shoot_on(&other)];
-    let same = |what: &str, found: &[[f32; 3]], expected: &[[f32; 3]]| {
-        let psnr = psnr(found, expected, |i| expected[i].iter().any(|&channel| channel > 0.02));
-        assert!(psnr >= 45.0, "{what}: {psnr:.1} dB");
+    let likeness = |found: &[[f32; 3]], expected: &[[f32; 3]]| {
+        psnr(found, expected, |i| expected[i].iter().any(|&channel| channel > 0.02))
     };
-    assert!(psnr(&alone[0], &alone[1], |_| true) < 45.0, "the eyes are in one place");
+    let apart = likeness(&alone[0], &alone[1]);
+    // In the order of the middle, translucent splats of nearly the same distance may change their places.
+    let same = |what: &str, found: &[[f32; 3]], expected: &[[f32; 3]]| {
+        let likeness = likeness(found, expected);
+        assert!(likeness >= 33.0 && likeness > apart + 6.0, "{what}: {likeness:.1} dB, apart {apart:.1}");
+    };
     for names in [[true, false], [false, true], [true, true]] {
         for i in [0, 1] {
             let mut eye = studio.app.world_mut().entity_mut(eyes[i]);

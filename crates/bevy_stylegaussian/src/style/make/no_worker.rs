@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
+use stylegaussian::Scene;
 /// A painting that is prepared.
 pub(crate) use stylegaussian::paint::Canvas as Painting;
 /// A scene that is prepared to be painted.
 pub(crate) use stylegaussian::paint::Surface as Ground;
-use stylegaussian::{Scene, paint::Paint};
 
 use crate::work::{Lane, Running, Workers};
 
@@ -17,7 +17,8 @@ pub(crate) fn ground(scene: &Arc<Scene>, workers: &Workers) -> Running<Arc<Groun
 }
 
 /// A painting that strokes follow.
-pub(crate) fn followed(paint: &Paint) -> Painting {
+#[cfg(feature = "images")]
+pub(crate) fn followed(paint: &stylegaussian::paint::Paint) -> Painting {
     Painting::new(paint)
 }
 

@@ -152,6 +152,7 @@ pub(crate) fn ground(scene: &Arc<Scene>, workers: &Workers) -> Running<Arc<Groun
 }
 
 /// A painting that strokes follow, on the page's thread.
+#[cfg(feature = "images")]
 pub(crate) fn followed(paint: &Paint) -> Painting {
     Painting { canvas: Canvas::new(paint).into(), ..Painting::new(paint) }
 }
