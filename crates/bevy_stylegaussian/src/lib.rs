@@ -29,8 +29,8 @@
 //!   [`SplatShadows`] lets meshes cast shadows on it.
 //! - Components of meshes and of skies, with the feature `meshes`: `StyledMesh` and `StyledSky` paint them as a
 //!   capture beside them is.
-//! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`], [`SplatDepth`], [`SplatEyes`], [`SplatCuts`];
-//!   Bevy's `DistanceFog` reaches splats, too.
+//! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`], [`SplatDepth`], [`SplatEyes`],
+//!   [`SplatCuts`]; Bevy's `DistanceFog` reaches splats, too.
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
 //! - Resources: [`StyleMethod`](style::StyleMethod), [`StyleThreads`], and those of the
 //!   [decoder](style::decoder).

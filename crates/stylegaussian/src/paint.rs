@@ -23,9 +23,9 @@
 //! alone), `painting` (the part that a style carries), `used` (what may be used of it), `picture` (blurred
 //! copies), `detail` (the textures), `tints` (the colors), `canvas` (all that depends on the painting alone),
 //! `collection` (which of several paintings a seed takes), `places` (where in it), `choice` (both), `direction`
-//! (of strokes, if one is given), `pins` (places that are given), `proofs` and `bands` (how much detail pictures
-//! show), `balance` (the gains), `tone` (dark and bright), `grade` (the colors under strokes), `lay` (all of
-//! it), `company` (scenes that stand beside a painted one), `redraw` (pictures that change).
+//! (of strokes, if one is given), `pins` (places that are given), `proofs` and `bands` (how much detail
+//! pictures show), `balance` (the gains), `tone` (dark and bright), `grade` (the colors under strokes), `lay`
+//! (all of it), `company` (scenes that stand beside a painted one), `redraw` (pictures that change).
 
 mod balance;
 mod bands;

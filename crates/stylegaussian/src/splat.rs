@@ -13,9 +13,9 @@
 //! 0.3 px^2 add.
 //!
 //! The stages, one module each: `project` (cull, project, sort by depth), `bands` (list the splats of each
-//! tile), `composite` (blend one tile), `weights` (keep the blend weights in place of a picture). `iso` finds how
-//! far away the surface is. `alpha` holds the limits that they share, and `bounds` the box around all that is
-//! drawn.
+//! tile), `composite` (blend one tile), `weights` (keep the blend weights in place of a picture). `iso` finds
+//! how far away the surface is. `alpha` holds the limits that they share, and `bounds` the box around all
+//! that is drawn.
 
 mod alpha;
 mod bands;

@@ -24,9 +24,9 @@
 //!
 //! Stages 1 and 2 are [`SplatPass::project_and_sort`], stage 3 is [`SplatPass::draw_layer`], stage 4 is
 //! [`Composite::draw`]. A stage of its own, *depth* (`depth`), writes what the splats know of depth into the
-//! camera's depth attachment, if it is asked for: [`SplatPass::find_depth`], [`SplatPass::write_depth`]. The rules are those of the CPU twin, `stylegaussian::splat`, with two differences:
-//! quads finish no pixel early (less than 1e-4 of its light is left then), and records store colors and
-//! opacities as f16.
+//! camera's depth attachment, if it is asked for: [`SplatPass::find_depth`], [`SplatPass::write_depth`]. The
+//! rules are those of the CPU twin, `stylegaussian::splat`, with two differences: quads finish no pixel early
+//! (less than 1e-4 of its light is left then), and records store colors and opacities as f16.
 
 mod camera;
 mod cloud;

@@ -74,8 +74,8 @@ pub fn take_dropped(
 
 impl Paintings {
     /// The input for a painting: `image:NAME` was dropped, `paint:NAME` is an image of the page. `None` if
-    /// there is no such painting. If `by_decoder`, the decoder alone makes the colors. What the worker makes comes
-    /// later.
+    /// there is no such painting. If `by_decoder`, the decoder alone makes the colors. What the worker makes
+    /// comes later.
     ///
     /// # Errors
     /// If there is no worker and the image cannot be decoded.

@@ -126,8 +126,8 @@ pub(crate) fn is_ready() -> bool {
     PAGE.with_borrow(|page| page.state == State::Ready)
 }
 
-/// The answer to a call. Whoever drops what it waits for cancels `work`. If `ends`, the call may be long, and the
-/// worker is ended with it then.
+/// The answer to a call. Whoever drops what it waits for cancels `work`. If `ends`, the call may be long, and
+/// the worker is ended with it then.
 ///
 /// # Errors
 /// If there is none: see [`Fail`].

@@ -128,8 +128,8 @@ fn views(scene: &Scene, work: &Work) -> Result<Vec<Camera>, Canceled> {
 /// Moves `colors` toward those that draw the picture `wanted`.
 fn fit(colors: &mut [[f32; 3]], weights: &BlendWeights, wanted: &RenderedImage) {
     for _ in 0..STEPS {
-        // A fourth channel of ones costs hardly more than three: it becomes alpha in the picture, and the pixels
-        // that a Gaussian fills on the way back.
+        // A fourth channel of ones costs hardly more than three: it becomes alpha in the picture, and the
+        // pixels that a Gaussian fills on the way back.
         let values: Vec<f32> = colors.iter().flat_map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
         let mut picture = weights.apply(&values, 4);
         picture.par_chunks_exact_mut(4).enumerate().for_each(|(i, pixel)| {

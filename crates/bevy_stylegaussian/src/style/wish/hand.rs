@@ -45,8 +45,8 @@ impl From<Vec<Color>> for StylePalette {
 pub struct StylePin {
     /// A point of the scene, in the entity's local space.
     pub at: Vec3,
-    /// A point of the painting, or of the part of it that is used, from the left and top edges, as shares of the
-    /// sides, 0..1.
+    /// A point of the painting, or of the part of it that is used, from the left and top edges, as shares of
+    /// the sides, 0..1.
     pub place: Vec2,
     /// The number of the painting among the source's images and presets, from 0.
     pub painting: usize,

@@ -26,8 +26,9 @@ impl SplatPass {
     /// Finds the iso depths of `view` by the fastest way of the adapter, unless `iso` has them already.
     /// [`project_and_sort`](Self::project_and_sort) comes before, and `iso` belongs to this view alone.
     ///
-    /// `threshold` is the share of the light, as [`iso_threshold`](stylegaussian::splat::iso_threshold) limits it. A viewport with more pixels than
-    /// the device can bind numbers has no depths, nor has one whose lists of tiles overflow.
+    /// `threshold` is the share of the light, as [`iso_threshold`](stylegaussian::splat::iso_threshold)
+    /// limits it. A viewport with more pixels than the device can bind numbers has no depths, nor has one
+    /// whose lists of tiles overflow.
     pub fn find_depth(
         &self,
         device: &wgpu::Device,
