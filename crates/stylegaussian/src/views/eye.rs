@@ -6,7 +6,9 @@
 //! seen from outside, no spot explains the sizes. With s the size of a Gaussian and r its distance from a spot,
 //! the spot is that of the least
 //!
-//!     variance of log(s / r) / variance of log s
+//! ```text
+//! variance of log(s / r) / variance of log s
+//! ```
 //!
 //! Scenes of rays from about one spot have 0.05 to 0.35. Captures of things have 0.87 and more, and things in
 //! scenes of rays from all around have 0.5 and more.
