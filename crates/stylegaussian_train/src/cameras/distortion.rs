@@ -3,8 +3,10 @@
 //! A point at (x, y) on the plane at z = 1 is seen at (x, y) d + t, as OpenCV and COLMAP define it, with
 //! r^2 = x^2 + y^2:
 //!
-//!     d = (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8) / (1 + k5 r^2 + k6 r^4 + k7 r^6)
-//!     t = (2 p1 x y + p2 (r^2 + 2 x^2), p1 (r^2 + 2 y^2) + 2 p2 x y)
+//! ```text
+//! d = (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8) / (1 + k5 r^2 + k6 r^4 + k7 r^6)
+//! t = (2 p1 x y + p2 (r^2 + 2 x^2), p1 (r^2 + 2 y^2) + 2 p2 x y)
+//! ```
 //!
 //! Each pixel of the picture without distortion is looked up in the photo, so nothing has to be solved.
 
