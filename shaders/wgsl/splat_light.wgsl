@@ -72,7 +72,7 @@ override curve: u32;
 /// The largest color that a record holds, the largest f16.
 const MAX_COLOR: f32 = 65504.0;
 
-/// What lies between the light, a splat and the eye.
+/// The tint, shadow and air between the light, a splat and the eye.
 struct Air {
     /// Share of the light that reaches the splat.
     shade: f32,

@@ -5,7 +5,7 @@
 /// Record indices of the visible splats, front to back.
 @group(0) @binding(2) var<storage, read> record_indices: array<u32>;
 @group(0) @binding(3) var<storage, read> color_halves: array<vec4<u32>>;
-/// What `splat_slices_draw` drew.
+/// The moments that `splat_slices_draw` drew.
 @group(0) @binding(4) var moments: texture_2d<f32>;
 @group(0) @binding(5) var<storage, read_write> iso_depths: array<f32>;
 

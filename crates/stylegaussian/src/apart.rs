@@ -26,7 +26,7 @@ use crate::{
 pub use bytes::Pieces;
 use bytes::{Reader, own, piece};
 
-/// What is asked for.
+/// A request.
 pub enum Call<'a> {
     /// A scene's surface, under a number.
     Surface(u32, &'a Scene),
@@ -232,7 +232,7 @@ fn numbers_of(camera: &Camera) -> [f32; 17] {
     numbers
 }
 
-/// What answers calls, with all that it keeps.
+/// The answering side, with all that it keeps.
 #[derive(Default)]
 pub struct Apart {
     surfaces: HashMap<u32, (Scene, Surface)>,

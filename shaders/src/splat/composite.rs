@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use super::{light, source};
 use crate::Source;
 
-/// What the composite reads, and what it writes to.
+/// The layers that the composite reads, and its target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CompositeKind {
     /// One layer, over a target of any number of samples.

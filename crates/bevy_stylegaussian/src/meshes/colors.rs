@@ -12,7 +12,7 @@ use bevy::{
 /// Samples along a side of what a vertex stands for, at most: 64 texels tell the color of a larger patch.
 const SAMPLES: i32 = 8;
 
-/// What a material has of base color.
+/// The base color of a material.
 #[derive(Clone)]
 pub(super) struct BaseColor {
     color: LinearRgba,

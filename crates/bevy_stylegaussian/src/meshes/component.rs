@@ -1,4 +1,4 @@
-//! What a game asks for.
+//! The components that a game asks by.
 
 use bevy::prelude::*;
 

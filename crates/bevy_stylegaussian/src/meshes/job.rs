@@ -47,7 +47,7 @@ impl PartialEq for Key {
     }
 }
 
-/// What a mesh is painted from.
+/// The sources of a mesh's paint.
 pub(super) struct Given {
     pub(super) mesh: Mesh,
     pub(super) base: StandardMaterial,

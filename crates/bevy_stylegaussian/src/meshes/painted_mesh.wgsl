@@ -74,7 +74,7 @@ struct PaintedVertexOutput {
     @location(13) @interpolate(flat) layers: vec3<u32>,
 }
 
-/// What a fragment gets of the paint.
+/// The paint of a fragment.
 struct Paint {
     /// Places in the painting by the seeds of the first and of the second corner.
     @location(8) places: vec4<f32>,

@@ -70,12 +70,12 @@ impl StyledSky {
 /// A sky that is painted, or about to be.
 #[derive(Component, Default)]
 pub(super) struct SkyPainting {
-    /// What the camera had before.
+    /// The image of the camera before.
     original: Option<Handle<Image>>,
     wanted: Option<SkyJob>,
     /// The paint that is shown, and what was painted with it.
     shown: Option<(Handle<Image>, Arc<Brushwork>)>,
-    /// What failed: it is not tried again.
+    /// The wish that failed: it is not tried again.
     failed: Option<(Handle<Image>, Arc<Brushwork>)>,
 }
 

@@ -45,7 +45,7 @@ pub(super) struct Paints {
 /// A mesh that is painted, or about to be.
 #[derive(Component)]
 pub(super) struct MeshPainting {
-    /// What the entity had before.
+    /// The parts of the entity before.
     mesh: Handle<Mesh>,
     material: Handle<StandardMaterial>,
     since: Instant,
@@ -67,7 +67,7 @@ type MeshEntity = (
     &'static GlobalTransform,
 );
 
-/// What a mesh is to show.
+/// The paint that a mesh is to show.
 enum Wish {
     /// What it had.
     Plain,
@@ -116,7 +116,7 @@ pub(super) fn forget_changed(
     }
 }
 
-/// What meshes are painted from.
+/// The sources of meshes' paint.
 #[derive(SystemParam)]
 pub(super) struct Originals<'w> {
     meshes: Res<'w, Assets<Mesh>>,
@@ -256,7 +256,7 @@ impl Roots<'_, '_> {
         found
     }
 
-    /// What the meshes of a root are to show.
+    /// The paint that the meshes of a root are to show.
     fn wanted(
         &self,
         root: Entity,

@@ -1,4 +1,4 @@
-//! What weak GPUs leave out.
+//! Cuts: splats that weak GPUs leave out.
 
 use bevy::{prelude::*, render::extract_component::ExtractComponent};
 use stylegaussian_gpu::splat;

@@ -99,7 +99,7 @@ struct Page {
 
 thread_local! {
     static PAGE: RefCell<Page> = RefCell::default();
-    /// What the worker holds, in its own module.
+    /// The scenes and paintings that the worker holds, in its own module.
     static APART: RefCell<Apart> = RefCell::default();
 }
 

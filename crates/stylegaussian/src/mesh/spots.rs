@@ -43,7 +43,7 @@ pub struct Spots {
     pub of_vertex: Vec<u32>,
 }
 
-/// What is known of a spot.
+/// The knowledge of a spot.
 struct Spot {
     at: Vec3,
     normal: Vec3,

@@ -48,7 +48,7 @@ struct Source {
     look: Option<Values>,
     mask: Option<(wgpu::Buffer, u64, u32)>,
     strength: f32,
-    /// What a layer changes in the words below.
+    /// The changes that a layer makes in the words below.
     factors: Option<[f32; 2]>,
 }
 

@@ -74,16 +74,16 @@ struct Shared {
 #[derive(Debug, Default)]
 pub(super) struct LitView {
     wish: Option<ViewLight>,
-    /// What made the colors of this frame, and of the records on the GPU.
+    /// The sources of this frame's colors, and of the records on the GPU.
     now: Source,
     drawn: Source,
     uniforms: Option<wgpu::Buffer>,
     shadow_uniforms: Option<wgpu::Buffer>,
-    /// What the group was made for, and the group.
+    /// The resources that the group was made for, and the group.
     group: Option<(Bound, wgpu::BindGroup)>,
 }
 
-/// What a group depends on.
+/// The resources that a group depends on.
 #[derive(Clone, Debug, PartialEq)]
 struct Bound {
     buffers: [wgpu::Buffer; 5],

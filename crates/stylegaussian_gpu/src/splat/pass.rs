@@ -37,7 +37,7 @@ pub struct SplatPass {
     pub(super) tiles: Option<Tiles>,
     /// Made when a view asks for depth.
     pub(super) depth: OnceLock<Depth>,
-    /// What splits depth with several samples, compiled when it is asked for.
+    /// The pipelines that split depth with several samples, compiled when they are asked for.
     edges: OnceLock<Edges>,
 }
 

@@ -53,9 +53,9 @@ pub struct SplatView {
     pub(super) lit: LitView,
     /// A number that differs after each change of the visible splats or their order.
     order: u64,
-    /// What is an edge, once a layer with several samples per pixel was drawn.
+    /// The limits of edges, once a layer with several samples per pixel was drawn.
     edges: Option<EdgeUniforms>,
-    /// What this view shares with that of another eye.
+    /// The state that this view shares with that of another eye.
     eyes: EyeState,
 }
 
