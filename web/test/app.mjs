@@ -92,6 +92,24 @@ for (const viewport of [WIDE, NARROW]) {
   });
 }
 
+test("strokes that are redrawn, have relief or keep their size are the native ones", options, async () => {
+  const { page, errors } = await opened(NARROW);
+  const painting = ["--style", "assets/styles/strokes.jpg"];
+  await drop(page, "dropped.jpg", readFileSync("assets/styles/strokes.jpg"));
+  await applied(page, "dropped.jpg");
+  const set = (...calls) => page.evaluate(async (calls) => {
+    const app = await import("./package/app.js");
+    for (const [name, ...given] of calls) app[name](...given);
+  }, calls);
+  // The first drawing stays: none other comes in the time of a test. The light is a rotation of (1, 1, 0) about y.
+  await set(["set_motion", "boil", 0, 0.5], ["set_relief", 1.5, 40]);
+  const light = `--light=${Math.cos(40 * Math.PI / 180)},1,${-Math.sin(40 * Math.PI / 180)}`;
+  await expectNative(page, "moved_relief", 30, DEMO, ...painting, "--boil", "0.001", "--motion-amount", "0.5", "--relief", "1.5", light);
+  await set(["set_motion", "still", 0, 0], ["set_relief", 0, 0], ["set_screen_stable", true]);
+  await expectNative(page, "screen_stable", 30, DEMO, ...painting, "--screen-stable");
+  assert.deepEqual(errors, []);
+});
+
 const float = (half) => {
   const [sign, exponent, fraction] = [half >> 15 ? -1 : 1, (half >> 10) & 31, half & 1023];
   return sign * (exponent ? 2 ** (exponent - 15) * (1 + fraction / 1024) : 2 ** -14 * (fraction / 1024));

@@ -11,9 +11,10 @@
 pub(crate) mod browser;
 #[cfg(any(test, target_family = "wasm"))]
 mod script;
+#[cfg_attr(target_family = "wasm", path = "work/no_threads.rs")]
+mod threads;
 
 use std::{
-    collections::VecDeque,
     num::NonZero,
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -21,8 +22,9 @@ use std::{
 
 use async_lock::OnceCell;
 use bevy::{prelude::*, tasks::AsyncComputeTaskPool};
-use rayon::{ThreadPool, ThreadPoolBuilder};
 use stylegaussian::work::{Canceled, Work};
+
+use threads::Lanes;
 
 /// Threads of long computations: painting, surfaces, encoding, bakes, reading scenes. Set it at any time; the
 /// next computation follows it.
@@ -62,43 +64,11 @@ pub(crate) enum Lane {
     Bakes,
 }
 
-impl Lane {
-    /// Number of lanes.
-    const COUNT: usize = 3;
-
-    /// Name of its threads.
-    #[cfg(not(target_family = "wasm"))]
-    fn name(self) -> &'static str {
-        match self {
-            Self::Scenes => "scenes",
-            Self::Styles => "styles",
-            Self::Bakes => "bakes",
-        }
-    }
-}
-
 /// Starts computations. Clones share threads.
 #[derive(Resource, Clone, Default)]
 pub(crate) struct Workers(Arc<Lanes>);
 
-#[derive(Default)]
-struct Lanes {
-    settings: Mutex<StyleThreads>,
-    /// By [`Lane`].
-    lanes: [Mutex<Queue>; Lane::COUNT],
-}
-
-/// The computations of a lane.
-#[derive(Default)]
-struct Queue {
-    jobs: VecDeque<Job>,
-    /// Whether one of the threads takes jobs from the queue. Never two: while a job waits for the other threads
-    /// of its pool, its thread may do what it finds there, which must not be another job.
-    is_running: bool,
-    /// The threads, and the settings by which they were started.
-    pool: Option<(StyleThreads, Arc<ThreadPool>)>,
-}
-
+/// What a lane does.
 type Job = Box<dyn FnOnce() + Send>;
 
 /// A computation that was started. Dropping it cancels the computation.
@@ -178,7 +148,7 @@ impl Workers {
         compute: impl FnOnce(&Work) -> Result<T, Canceled> + Send + 'static,
     ) -> Running<T> {
         let (running, job) = Running::new(compute);
-        self.queue(lane, job);
+        self.0.queue(lane, job);
         running
     }
 
@@ -218,92 +188,13 @@ impl Workers {
 
     /// Has further threads started by these settings.
     pub(crate) fn set(&self, threads: StyleThreads) {
-        *unpoisoned(&self.0.settings) = threads;
-    }
-
-    /// In a browser there are no threads: it is a task on the page's only one.
-    #[cfg(target_family = "wasm")]
-    fn queue(&self, _: Lane, job: Job) {
-        AsyncComputeTaskPool::get().spawn(async move { job() }).detach();
-    }
-
-    #[cfg(not(target_family = "wasm"))]
-    fn queue(&self, lane: Lane, job: Job) {
-        let threads = *unpoisoned(&self.0.settings);
-        let mut queue = unpoisoned(&self.0.lanes[lane as usize]);
-        queue.jobs.push_back(job);
-        if queue.is_running {
-            return;
-        }
-        match queue.pool(threads, lane) {
-            Ok(pool) => {
-                queue.is_running = true;
-                let lanes = Arc::clone(&self.0);
-                pool.spawn(move || lanes.drain(lane));
-            }
-            Err(error) => {
-                error!("no thread can be started, so a task of Bevy computes: {error}");
-                let jobs = std::mem::take(&mut queue.jobs);
-                AsyncComputeTaskPool::get()
-                    .spawn(async move { jobs.into_iter().for_each(|job| job()) })
-                    .detach();
-            }
-        }
-    }
-}
-
-impl Lanes {
-    /// Does what is in the queue.
-    #[cfg(not(target_family = "wasm"))]
-    fn drain(&self, lane: Lane) {
-        loop {
-            let mut queue = unpoisoned(&self.lanes[lane as usize]);
-            let Some(job) = queue.jobs.pop_front() else {
-                queue.is_running = false;
-                return;
-            };
-            drop(queue);
-            job();
-        }
-    }
-}
-
-impl Queue {
-    /// The threads of the lane, started if there are none by these settings.
-    #[cfg(not(target_family = "wasm"))]
-    fn pool(
-        &mut self,
-        threads: StyleThreads,
-        lane: Lane,
-    ) -> Result<Arc<ThreadPool>, rayon::ThreadPoolBuildError> {
-        if let Some((_, pool)) = self.pool.as_ref().filter(|(of, _)| *of == threads) {
-            return Ok(Arc::clone(pool));
-        }
-        let name = lane.name();
-        let pool = ThreadPoolBuilder::new()
-            .num_threads(threads.count.max(1))
-            .thread_name(move |index| format!("{name} {index}"))
-            .start_handler(move |_| set_priority(threads.priority))
-            .build()?;
-        let pool = Arc::new(pool);
-        self.pool = Some((threads, Arc::clone(&pool)));
-        Ok(pool)
+        self.0.set(threads);
     }
 }
 
 /// Locks what no panic leaves half done.
 fn unpoisoned<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Gives this thread a priority, if the system allows it.
-#[cfg(not(target_family = "wasm"))]
-fn set_priority(priority: u8) {
-    use thread_priority::{ThreadPriority, ThreadPriorityValue, set_current_thread_priority};
-
-    if let Ok(priority) = ThreadPriorityValue::try_from(priority.min(99)) {
-        let _ = set_current_thread_priority(ThreadPriority::Crossplatform(priority));
-    }
 }
 
 /// Adds [`Workers`] to both worlds.

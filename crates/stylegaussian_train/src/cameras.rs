@@ -19,6 +19,7 @@ use glam::UVec2;
 use stylegaussian::Camera;
 
 pub use distortion::Distortion;
+#[cfg(feature = "training")]
 pub(crate) use posed::utf8;
 pub use posed::{CameraOptions, CameraSet, CamerasError, PosedCamera};
 use posed::{invalid, parse, read};
