@@ -12,7 +12,8 @@ import { launch, serve } from "./browser.mjs";
 import { compare, program, render, run, tensor } from "./native.mjs";
 import { applied, clicked, drop, dropScene, openedIn, timeout, told } from "./watched.mjs";
 
-const options = { timeout: 900_000 };
+// On two cores, the pictures of 1000 px take twenty minutes.
+const options = { timeout: 2_400_000 };
 const folder = process.env.PICTURES ?? mkdtempSync(join(tmpdir(), "stylegaussian-web-"));
 mkdirSync(folder, { recursive: true });
 const DEMO = "assets/demo.sgs";
