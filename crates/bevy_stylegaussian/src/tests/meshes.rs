@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use bevy::{
     asset::RenderAssetUsages, camera::ScalingMode, core_pipeline::tonemapping::Tonemapping, light::Skybox,
-    mesh::VertexAttributeValues, prelude::*, render::render_resource::PrimitiveTopology,
+    mesh::VertexAttributeValues, platform::collections::HashSet, prelude::*,
+    render::render_resource::PrimitiveTopology,
 };
 use stylegaussian::strokes::{FINE_SIDE, StrokeTexture};
 
@@ -23,14 +24,14 @@ use super::{
 };
 
 /// An app without a renderer that has Bevy's meshes and materials.
-fn app() -> App {
+pub(super) fn app() -> App {
     let mut app = app_without_rendering();
     app.init_asset::<Mesh>().init_asset::<StandardMaterial>();
     app
 }
 
 /// A painting of noise as a preset.
-fn preset(app: &mut App) -> Handle<StyleStatistics> {
+pub(super) fn preset(app: &mut App) -> Handle<StyleStatistics> {
     let paint = Some(Arc::new(paint(&noise(1, [250, 200, 30], [20, 40, 90]))));
     add(app, StyleStatistics { statistics: Arc::new(small_style(1)), paint })
 }
@@ -52,7 +53,7 @@ fn cube(app: &mut App) -> (Mesh3d, MeshMaterial3d<StandardMaterial>) {
 }
 
 /// Updates until meshes have their paint, and returns their entities.
-fn until_painted(app: &mut App, n: usize) -> Vec<Entity> {
+pub(super) fn until_painted(app: &mut App, n: usize) -> Vec<Entity> {
     let mut painted = Vec::new();
     update_until(app, "painted meshes", |world| {
         painted.extend(world.resource_mut::<Messages<StyleApplied>>().drain().map(|event| event.entity));
@@ -63,7 +64,7 @@ fn until_painted(app: &mut App, n: usize) -> Vec<Entity> {
     painted
 }
 
-fn mesh_of(app: &App, entity: Entity) -> Handle<Mesh> {
+pub(super) fn mesh_of(app: &App, entity: Entity) -> Handle<Mesh> {
     app.world().get::<Mesh3d>(entity).unwrap().0.clone()
 }
 
@@ -124,6 +125,32 @@ fn meshes_are_painted_like_a_capture_and_given_back() {
         assert_eq!(mesh_of(&app, entity), mesh.0);
         assert_eq!(app.world().get::<MeshMaterial3d<StandardMaterial>>(entity), Some(&material));
     }
+}
+
+/// 180 cubes of one mesh, and 20 squares of their own: 21 meshes are painted, and all show one copy of the
+/// painting.
+#[test]
+fn two_hundred_meshes_share_what_they_can() {
+    let mut app = app();
+    let like = StyledMesh::like(capture(&mut app));
+    let (cube, material) = cube(&mut app);
+    let root = app.world_mut().spawn((Transform::default(), Visibility::default(), like)).id();
+    let squares: Vec<Mesh3d> =
+        (0..20).map(|i| Mesh3d(add(&mut app, Rectangle::new(0.3 + 0.01 * i as f32, 0.3).into()))).collect();
+    let n_before = app.world().resource::<Assets<Image>>().len();
+    let entities: Vec<Entity> = std::iter::repeat_n(&cube, 180)
+        .chain(&squares)
+        .map(|mesh| {
+            let parts = (mesh.clone(), material.clone(), Transform::default(), ChildOf(root));
+            app.world_mut().spawn(parts).id()
+        })
+        .collect();
+    until_painted(&mut app, 200);
+    assert!(entities.iter().all(|entity| !is_plain(&app, *entity)));
+    let painted: HashSet<AssetId<Mesh>> = entities.iter().map(|entity| mesh_of(&app, *entity).id()).collect();
+    assert_eq!(painted.len(), 21);
+    // Fine and wide detail for all, and the seeds of each.
+    assert_eq!(app.world().resource::<Assets<Image>>().len() - n_before, 2 + 21);
 }
 
 #[test]
