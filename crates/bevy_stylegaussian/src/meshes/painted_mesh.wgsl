@@ -87,8 +87,8 @@ struct Paint {
 
 @vertex
 fn vertex(at_rest: Vertex, paint: PaintedVertex) -> PaintedVertexOutput {
-    // HLSL counts instances and vertices from the first one of a draw. Naga adds that where an entry point reads
-    // them, and not in functions that it calls.
+    // HLSL counts instances and vertices from the first one of a draw. Naga adds its number where an entry
+    // point reads them, and not in functions that it calls.
     var bevy_vertex = at_rest;
     bevy_vertex.instance_index = at_rest.instance_index;
 #ifdef MORPH_TARGETS
