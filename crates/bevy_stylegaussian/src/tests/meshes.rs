@@ -210,6 +210,40 @@ fn what_cannot_be_painted_says_so_once_and_stays() {
     assert!(mesh_of(&app, entity) == lines && is_plain(&app, entity));
 }
 
+/// Triangles without normals or texture coordinates, one without an area, and one that is nowhere.
+#[test]
+fn odd_meshes_are_painted_or_say_why() {
+    let mut app = app();
+    let source = StyleSource::preset(preset(&mut app));
+    let (_, material) = cube(&mut app);
+    let spawn = |app: &mut App, positions: Vec<[f32; 3]>| {
+        let mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
+            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions);
+        let mesh = Mesh3d(add(app, mesh));
+        let parts = (mesh, material.clone(), Transform::default(), source.clone(), StyledMesh::default());
+        app.world_mut().spawn(parts).id()
+    };
+    let [a, b, c, d] = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    let entity = spawn(&mut app, vec![a, b, c, a, c, d, a, b, b, a, b, [f32::NAN; 3]]);
+    until_painted(&mut app, 1);
+    let meshes = app.world().resource::<Assets<Mesh>>();
+    let painted = meshes.get(&mesh_of(&app, entity)).unwrap();
+    let Some(VertexAttributeValues::Float32x3(positions)) = painted.attribute(Mesh::ATTRIBUTE_POSITION)
+    else {
+        panic!()
+    };
+    assert!(positions.len() > 1000 && positions.as_flattened().iter().all(|value| value.is_finite()));
+    let nowhere = spawn(&mut app, vec![a, b, [f32::NAN; 3]]);
+    let mut failures = Vec::new();
+    update_until(&mut app, "a failure", |world| {
+        failures.extend(world.resource_mut::<Messages<StyleFailed>>().drain());
+        !failures.is_empty()
+    });
+    let error = failures[0].error.to_string();
+    assert!(failures[0].entity == nowhere && error.contains("no triangle"), "{error}");
+    assert!(is_plain(&app, nowhere) && !is_plain(&app, entity));
+}
+
 #[test]
 fn a_sky_that_is_no_cube_map_says_so_once_and_stays() {
     let mut app = app();
