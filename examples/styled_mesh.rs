@@ -1,5 +1,5 @@
-//! Meshes in the same paint as a capture: figures of a few parts walk on the path of a painted garden, and the
-//! sky above it is painted too. Strokes stay on the figures while they move.
+//! Meshes in the same paint as a capture: skinned figures walk on the path of a painted garden, and the sky
+//! above it is painted too. The figures are painted at rest, and strokes stay on them while they move.
 //!
 //! ```sh
 //! cargo run --release --example styled_mesh
@@ -7,11 +7,15 @@
 //!
 //! Space shows the meshes as they are.
 
-use bevy::prelude::*;
+use bevy::{mesh::skinning::SkinnedMeshInverseBindposes, prelude::*};
 use bevy_stylegaussian::prelude::*;
 
 #[path = "backdrop/mod.rs"]
 mod backdrop;
+#[path = "walker/mod.rs"]
+mod walker;
+
+use walker::Walker;
 
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
 
@@ -41,16 +45,12 @@ struct Garden(Entity);
 #[derive(Component)]
 struct Figure(f32);
 
-/// A part of a figure that swings, and its side.
-#[derive(Component)]
-struct Limb(f32);
-
 fn main() -> AppExit {
     App::new()
         .add_plugins(DefaultPlugins.set(AssetPlugin { file_path: ASSETS.into(), ..default() }))
         .add_plugins(StyleGaussianPlugin::default())
         .add_systems(Startup, (spawn_garden, spawn_figures, backdrop::spawn).chain())
-        .add_systems(Update, (paint_sky, walk, swing, switch))
+        .add_systems(Update, (paint_sky, walk, walker::swing, switch))
         .run()
 }
 
@@ -69,32 +69,18 @@ fn spawn_garden(mut commands: Commands, assets: Res<AssetServer>) {
 fn spawn_figures(
     mut commands: Commands,
     mut meshes: ResMut<Assets<Mesh>>,
+    mut poses: ResMut<Assets<SkinnedMeshInverseBindposes>>,
     mut materials: ResMut<Assets<StandardMaterial>>,
     garden: Res<Garden>,
 ) {
-    let body = meshes.add(Capsule3d::new(0.28, 0.5));
-    let head = meshes.add(Sphere::new(0.22));
-    let limb = meshes.add(Capsule3d::new(0.09, 0.5));
-    let skin = materials.add(Color::srgb(0.85, 0.65, 0.5));
-    for (i, color) in [(0.8, 0.2, 0.15), (0.2, 0.35, 0.75), (0.9, 0.7, 0.2)].into_iter().enumerate() {
-        let coat = materials.add(Color::srgb(color.0, color.1, color.2));
-        // One component paints all parts of a figure.
-        let place = (Transform::from_scale(Vec3::splat(0.35)), Visibility::default());
+    // Colors are the meshes' own.
+    let material = materials.add(Color::WHITE);
+    for (i, coat) in [(0.8, 0.2, 0.15), (0.2, 0.35, 0.75), (0.9, 0.7, 0.2)].into_iter().enumerate() {
+        let colors = [Color::srgb(coat.0, coat.1, coat.2), Color::srgb(0.25, 0.22, 0.3)];
+        let walker = Walker::new(colors, &mut meshes, &mut poses);
+        let place = (Transform::from_scale(Vec3::splat(0.38)), Visibility::default());
         let figure = commands.spawn((Figure(i as f32 / 3.0), StyledMesh::like(garden.0), place)).id();
-        let mut part = |mesh: &Handle<Mesh>, material: &Handle<StandardMaterial>, at: Vec3| {
-            let mesh = (Mesh3d(mesh.clone()), MeshMaterial3d(material.clone()));
-            commands.spawn((mesh, Transform::from_translation(at), ChildOf(figure))).id()
-        };
-        part(&body, &coat, Vec3::Y);
-        part(&head, &skin, 1.75 * Vec3::Y);
-        let limbs = [-1.0, 1.0].map(|side| {
-            let leg = part(&limb, &skin, Vec3::new(0.14 * side, 0.4, 0.0));
-            let arm = part(&limb, &coat, Vec3::new(0.36 * side, 1.1, 0.0));
-            [(leg, side), (arm, -side)]
-        });
-        for (limb, side) in limbs.into_iter().flatten() {
-            commands.entity(limb).insert(Limb(side));
-        }
+        walker.spawn(&mut commands, figure, &material);
     }
 }
 
@@ -125,12 +111,6 @@ fn walk(mut figures: Query<(&Figure, &mut Transform)>, mut rays: SplatRayCast, t
         if let Some(hit) = rays.cast_ray(Ray3d::new(above, Dir3::NEG_Y)) {
             place.translation.y = hit.position.y;
         }
-    }
-}
-
-fn swing(mut limbs: Query<(&Limb, &mut Transform)>, time: Res<Time>) {
-    for (Limb(side), mut place) in &mut limbs {
-        place.rotation = Quat::from_rotation_x(0.6 * side * (6.0 * time.elapsed_secs()).sin());
     }
 }
 

@@ -87,7 +87,8 @@ impl BaseColor {
                 linear *= mean_of(&texture.image, at[i], *patch);
             }
             let Srgba { red, green, blue, .. } = LinearRgba::rgb(linear.x, linear.y, linear.z).into();
-            [red, green, blue].map(|value| value.clamp(0.0, 1.0))
+            // Where a mesh has no number, it is mid-gray.
+            [red, green, blue].map(|value| if value.is_nan() { 0.5 } else { value.clamp(0.0, 1.0) })
         };
         (0..n).map(color).collect()
     }
@@ -180,5 +181,38 @@ mod tests {
         assert!(near(colors(&white, Some(squares), &quad(), 8.0)[2], [quarter; 3]));
         let depth = image(TextureFormat::Depth32Float, vec![0; 16]);
         assert!(BaseColor::new(&white, Some(Arc::new(depth))).is_err());
+        // Without texture coordinates there is no texture, as in Bevy's shader. What is no number is gray.
+        let squares = image(TextureFormat::Rgba8UnormSrgb, [[255, 0, 0, 255]; 4].concat());
+        let bare = quad().with_removed_attribute(Mesh::ATTRIBUTE_UV_0);
+        assert!(near(colors(&white, Some(squares), &bare, 0.1)[1], [1.0; 3]));
+        let odd = quad().with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, vec![[f32::NAN, 0.0, 1.0, 1.0]; 4]);
+        assert!(near(colors(&white, None, &odd, 0.1)[0], [0.5, 0.0, 1.0]));
+    }
+
+    /// A gradient of 4096 texels: however many a vertex stands for, 64 of them are read, and tell its mean.
+    #[test]
+    fn large_textures_take_no_longer() {
+        const SIDE: u32 = 4096;
+        let size = Extent3d { width: SIDE, height: SIDE, depth_or_array_layers: 1 };
+        let data = (0..SIDE * SIDE).map(|i| (i % SIDE / 16) as u8).collect();
+        let (format, usages) = (TextureFormat::R8Unorm, RenderAssetUsages::default());
+        let image = Arc::new(Image::new(size, TextureDimension::D2, data, format, usages));
+        let side = 150;
+        let at = |i: usize| [(i % side) as f32 / side as f32, (i / side) as f32 / side as f32];
+        let positions: Vec<Vec3> =
+            (0..side * side).map(at).map(|[x, y]| 10.0 * Vec3::new(x, y, 0.0)).collect();
+        let mesh = quad()
+            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions.clone())
+            .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, (0..side * side).map(at).collect::<Vec<_>>());
+        let base = BaseColor::new(&StandardMaterial::from(Color::WHITE), Some(image)).unwrap();
+        let start = std::time::Instant::now();
+        let corners = [[0, side as u32 - 1, (side * side) as u32 - 1]];
+        let found = base.of_vertices(&mesh, (&positions, &corners), 0.5);
+        // A million texels and a half. All of the patches would be a billion.
+        assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
+        for i in [side * 20 + 40, side * 75 + 75, side * 130 + 120] {
+            let red = Srgba::from(LinearRgba::rgb(at(i)[0], 0.0, 0.0)).red;
+            assert!((found[i][0] - red).abs() < 0.02, "{:?} for {red}", found[i]);
+        }
     }
 }

@@ -21,9 +21,10 @@ use bevy::prelude::*;
 /// Once a mesh is painted, [`StyleApplied`](crate::StyleApplied) is sent for its entity, or
 /// [`StyleFailed`](crate::StyleFailed). A mesh must be a list of triangles, and it and its base color texture
 /// must be in main memory. It is split until its triangles are smaller than strokes, up to 262,144 of them.
-/// Meshes that share mesh, material and style share the result. The material has two textures more for its
-/// fragments than Bevy's own, and is drawn forward. While it is painted, an entity has another mesh and
-/// material; games that save their worlds remove this component first.
+/// Meshes that share mesh, material and style share the result. Others are painted one after another, and each
+/// has a material and a texture of seeds of its own; the textures of a painting are there once. The material
+/// has two textures more for its fragments than Bevy's own, and is drawn forward. While it is painted, an
+/// entity has another mesh and material; games that save their worlds remove this component first.
 ///
 /// ```
 /// # use bevy::prelude::*;

@@ -1,7 +1,10 @@
 //! Bevy's meshes, split and joined again.
 
 use bevy::{
-    mesh::{Indices, MeshAccessError, MeshVertexAttribute, VertexAttributeValues, morph::MorphAttributes},
+    mesh::{
+        Indices, MeshAccessError, MeshVertexAttribute, VertexAttributeValues, morph::MorphAttributes,
+        skinning::SkinnedMeshBounds,
+    },
     prelude::*,
     render::render_resource::PrimitiveTopology,
 };
@@ -105,6 +108,12 @@ pub(super) fn painted(
     mesh.insert_attribute(PAINTED, of(&painted));
     mesh.insert_attribute(OWN, of(&own));
     mesh.insert_indices(Indices::U32(corners.triangles.as_flattened().to_vec()));
+    // A vertex between those of two joints is moved by both, and may lie outside of the boxes of either.
+    if mesh.skinned_mesh_bounds().is_some()
+        && let Ok(bounds) = SkinnedMeshBounds::from_mesh(&mesh)
+    {
+        mesh.set_skinned_mesh_bounds(Some(bounds));
+    }
     mesh
 }
 
@@ -318,6 +327,28 @@ mod tests {
         let Some(VertexAttributeValues::Float32x3(colors)) = mesh.attribute(PAINTED) else { panic!() };
         assert_eq!(colors[0], [2.0; 3]);
         assert_eq!(mesh.indices().unwrap().len(), 3);
+    }
+
+    /// Of three vertices, joint 7 moves the second one alone. It also moves those between that and the others.
+    #[test]
+    fn boxes_of_joints_hold_the_vertices_in_between() {
+        let mesh = triangle().with_generated_skinned_mesh_bounds().unwrap();
+        let (positions, given) = triangles(&mesh).unwrap();
+        let split = Split::new(positions, given, 3.0, &Work::default()).unwrap();
+        let corner = |vertex: &u32| Corner { vertex: *vertex, words: [0; 3], corner: 0 };
+        let corners: Vec<Corner> = split.triangles.as_flattened().iter().map(corner).collect();
+        let numbers: Vec<u32> = (0..corners.len() as u32).collect();
+        let corners = Corners { corners, triangles: numbers.as_chunks().0.to_vec() };
+        let size = |mesh: &Mesh| {
+            let bounds = mesh.skinned_mesh_bounds().unwrap();
+            bounds.iter().find(|(joint, _)| joint.0 == 7).map(|(_, aabb)| aabb.half_size.x)
+        };
+        assert_eq!(size(&mesh), Some(0.0));
+        let mesh = painted(with_vertices(mesh, &split.parents), &corners, |_| [0.5; 3], |_| [0.5; 3]);
+        assert!(size(&mesh).unwrap() >= 0.5);
+        // A game that asks for no boxes gets none.
+        let plain = painted(with_vertices(triangle(), &split.parents), &corners, |_| [0.5; 3], |_| [0.5; 3]);
+        assert!(plain.skinned_mesh_bounds().is_none());
     }
 
     #[test]

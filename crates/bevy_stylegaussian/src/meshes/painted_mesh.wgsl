@@ -1,17 +1,14 @@
 // Draws a painted mesh: Bevy's standard material, whose base color is the paint. The functions `mesh_*` follow
-// this text. The vertex stage is that of `bevy_pbr`'s `mesh.wgsl`, and passes the paint on as well.
+// this text. The vertex stage is Bevy's own, so that vertices are where the prepass and shadows have them. It
+// passes the paint on as well, by positions at rest.
 
+#import "embedded://bevy_pbr/render/mesh.wgsl" as bevy_mesh
 #import bevy_pbr::{
     decal::clustered::apply_decals,
     forward_io::{FragmentOutput, Vertex, VertexOutput},
-    mesh_bindings::mesh,
-    mesh_functions,
-    morph::{morph_normal, morph_position, morph_tangent},
     pbr_fragment::pbr_input_from_standard_material,
     pbr_functions::{alpha_discard, apply_pbr_lighting, main_pass_post_lighting_processing},
     pbr_types,
-    skinning,
-    view_transformations::position_world_to_clip,
 }
 
 #ifdef VISIBILITY_RANGE_DITHER
@@ -88,84 +85,38 @@ struct Paint {
     @location(13) @interpolate(flat) layers: vec3<u32>,
 }
 
-#ifdef MORPH_TARGETS
-fn morph_vertex(vertex_in: Vertex, instance_index: u32) -> Vertex {
-    var vertex = vertex_in;
-    let vertex_index = vertex.index - mesh[instance_index].first_vertex_index;
-    let weight_count = bevy_pbr::morph::layer_count(instance_index);
-    for (var i: u32 = 0u; i < weight_count; i ++) {
-        let weight = bevy_pbr::morph::weight_at(i, instance_index);
-        if weight == 0.0 {
-            continue;
-        }
-        vertex.position += weight * morph_position(vertex_index, i, instance_index);
-#ifdef VERTEX_NORMALS
-        vertex.normal += weight * morph_normal(vertex_index, i, instance_index);
-#endif
-#ifdef VERTEX_TANGENTS
-        vertex.tangent += vec4(weight * morph_tangent(vertex_index, i, instance_index), 0.0);
-#endif
-    }
-    return vertex;
-}
-#endif
-
 @vertex
 fn vertex(at_rest: Vertex, paint: PaintedVertex) -> PaintedVertexOutput {
-    var out: PaintedVertexOutput;
-
+    // HLSL counts instances and vertices from the first one of a draw. Naga adds its number where an entry
+    // point reads them, and not in functions that it calls.
+    var bevy_vertex = at_rest;
+    bevy_vertex.instance_index = at_rest.instance_index;
 #ifdef MORPH_TARGETS
-    var vertex = morph_vertex(at_rest, at_rest.instance_index);
-#else
-    var vertex = at_rest;
+    bevy_vertex.index = at_rest.index;
 #endif
+    let moved = bevy_mesh::vertex(bevy_vertex);
 
-    let mesh_world_from_local = mesh_functions::get_world_from_local(at_rest.instance_index);
-#ifdef SKINNED
-    var world_from_local = skinning::skin_model(
-        vertex.joint_indices,
-        vertex.joint_weights,
-        at_rest.instance_index
-    );
-#else
-    var world_from_local = mesh_world_from_local;
-#endif
-
-#ifdef VERTEX_NORMALS
-#ifdef SKINNED
-    out.world_normal = skinning::skin_normals(world_from_local, vertex.normal);
-#else
-    out.world_normal = mesh_functions::mesh_normal_local_to_world(vertex.normal, at_rest.instance_index);
-#endif
-#endif
-
-#ifdef VERTEX_POSITIONS
-    out.world_position =
-        mesh_functions::mesh_position_local_to_world(world_from_local, vec4<f32>(vertex.position, 1.0));
-    out.position = position_world_to_clip(out.world_position.xyz);
-#endif
+    var out: PaintedVertexOutput;
+    out.position = moved.position;
+    out.world_position = moved.world_position;
+    out.world_normal = moved.world_normal;
 #ifdef VERTEX_UVS_A
-    out.uv = vertex.uv;
+    out.uv = moved.uv;
 #endif
 #ifdef VERTEX_UVS_B
-    out.uv_b = vertex.uv_b;
+    out.uv_b = moved.uv_b;
 #endif
 #ifdef VERTEX_TANGENTS
-    out.world_tangent = mesh_functions::mesh_tangent_local_to_world(
-        world_from_local,
-        vertex.tangent,
-        at_rest.instance_index
-    );
+    out.world_tangent = moved.world_tangent;
 #endif
 #ifdef VERTEX_COLORS
-    out.color = vertex.color;
+    out.color = moved.color;
 #endif
 #ifdef VERTEX_OUTPUT_INSTANCE_INDEX
-    out.instance_index = at_rest.instance_index;
+    out.instance_index = moved.instance_index;
 #endif
 #ifdef VISIBILITY_RANGE_DITHER
-    out.visibility_range_dither = mesh_functions::get_visibility_range_dither_level(
-        at_rest.instance_index, mesh_world_from_local[3]);
+    out.visibility_range_dither = moved.visibility_range_dither;
 #endif
 
     let numbers = vec3(

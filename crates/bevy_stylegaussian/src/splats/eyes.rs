@@ -13,7 +13,8 @@ use super::view::ViewSplats;
 /// The two share all that does not depend on the eye: which splats are seen, their colors, and their order, by
 /// the distance from the middle between the eyes ([`SplatSortKey`](crate::SplatSortKey) has no effect). Each
 /// splat then has one color and one place in the order for both eyes. Each eye keeps its own projection, off
-/// axis or not, its own target and its own viewport.
+/// axis or not, its own viewport and its own target, such as a texture of a headset's runtime
+/// (`ManualTextureViews`). `MainPassResolutionOverride` has it draw fewer pixels.
 ///
 /// If the other camera does not exist, is not active, sees no splats or has a parallel projection, either
 /// camera draws by itself.

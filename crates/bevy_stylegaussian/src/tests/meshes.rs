@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use bevy::{
     asset::RenderAssetUsages, camera::ScalingMode, core_pipeline::tonemapping::Tonemapping, light::Skybox,
-    mesh::VertexAttributeValues, prelude::*, render::render_resource::PrimitiveTopology,
+    mesh::VertexAttributeValues, platform::collections::HashSet, prelude::*,
+    render::render_resource::PrimitiveTopology,
 };
 use stylegaussian::strokes::{FINE_SIDE, StrokeTexture};
 
@@ -23,14 +24,14 @@ use super::{
 };
 
 /// An app without a renderer that has Bevy's meshes and materials.
-fn app() -> App {
+pub(super) fn app() -> App {
     let mut app = app_without_rendering();
     app.init_asset::<Mesh>().init_asset::<StandardMaterial>();
     app
 }
 
 /// A painting of noise as a preset.
-fn preset(app: &mut App) -> Handle<StyleStatistics> {
+pub(super) fn preset(app: &mut App) -> Handle<StyleStatistics> {
     let paint = Some(Arc::new(paint(&noise(1, [250, 200, 30], [20, 40, 90]))));
     add(app, StyleStatistics { statistics: Arc::new(small_style(1)), paint })
 }
@@ -52,7 +53,7 @@ fn cube(app: &mut App) -> (Mesh3d, MeshMaterial3d<StandardMaterial>) {
 }
 
 /// Updates until meshes have their paint, and returns their entities.
-fn until_painted(app: &mut App, n: usize) -> Vec<Entity> {
+pub(super) fn until_painted(app: &mut App, n: usize) -> Vec<Entity> {
     let mut painted = Vec::new();
     update_until(app, "painted meshes", |world| {
         painted.extend(world.resource_mut::<Messages<StyleApplied>>().drain().map(|event| event.entity));
@@ -63,7 +64,7 @@ fn until_painted(app: &mut App, n: usize) -> Vec<Entity> {
     painted
 }
 
-fn mesh_of(app: &App, entity: Entity) -> Handle<Mesh> {
+pub(super) fn mesh_of(app: &App, entity: Entity) -> Handle<Mesh> {
     app.world().get::<Mesh3d>(entity).unwrap().0.clone()
 }
 
@@ -126,6 +127,32 @@ fn meshes_are_painted_like_a_capture_and_given_back() {
     }
 }
 
+/// 180 cubes of one mesh, and 20 squares of their own: 21 meshes are painted, and all show one copy of the
+/// painting.
+#[test]
+fn two_hundred_meshes_share_what_they_can() {
+    let mut app = app();
+    let like = StyledMesh::like(capture(&mut app));
+    let (cube, material) = cube(&mut app);
+    let root = app.world_mut().spawn((Transform::default(), Visibility::default(), like)).id();
+    let squares: Vec<Mesh3d> =
+        (0..20).map(|i| Mesh3d(add(&mut app, Rectangle::new(0.3 + 0.01 * i as f32, 0.3).into()))).collect();
+    let n_before = app.world().resource::<Assets<Image>>().len();
+    let entities: Vec<Entity> = std::iter::repeat_n(&cube, 180)
+        .chain(&squares)
+        .map(|mesh| {
+            let parts = (mesh.clone(), material.clone(), Transform::default(), ChildOf(root));
+            app.world_mut().spawn(parts).id()
+        })
+        .collect();
+    until_painted(&mut app, 200);
+    assert!(entities.iter().all(|entity| !is_plain(&app, *entity)));
+    let painted: HashSet<AssetId<Mesh>> = entities.iter().map(|entity| mesh_of(&app, *entity).id()).collect();
+    assert_eq!(painted.len(), 21);
+    // Fine and wide detail for all, and the seeds of each.
+    assert_eq!(app.world().resource::<Assets<Image>>().len() - n_before, 2 + 21);
+}
+
 #[test]
 fn a_mesh_alone_follows_the_game() {
     let mut app = app();
@@ -181,6 +208,40 @@ fn what_cannot_be_painted_says_so_once_and_stays() {
     (0..5).for_each(|_| app.update());
     assert!(drain::<StyleFailed>(&mut app).is_empty());
     assert!(mesh_of(&app, entity) == lines && is_plain(&app, entity));
+}
+
+/// Triangles without normals or texture coordinates, one without an area, and one that is nowhere.
+#[test]
+fn odd_meshes_are_painted_or_say_why() {
+    let mut app = app();
+    let source = StyleSource::preset(preset(&mut app));
+    let (_, material) = cube(&mut app);
+    let spawn = |app: &mut App, positions: Vec<[f32; 3]>| {
+        let mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
+            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions);
+        let mesh = Mesh3d(add(app, mesh));
+        let parts = (mesh, material.clone(), Transform::default(), source.clone(), StyledMesh::default());
+        app.world_mut().spawn(parts).id()
+    };
+    let [a, b, c, d] = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    let entity = spawn(&mut app, vec![a, b, c, a, c, d, a, b, b, a, b, [f32::NAN; 3]]);
+    until_painted(&mut app, 1);
+    let meshes = app.world().resource::<Assets<Mesh>>();
+    let painted = meshes.get(&mesh_of(&app, entity)).unwrap();
+    let Some(VertexAttributeValues::Float32x3(positions)) = painted.attribute(Mesh::ATTRIBUTE_POSITION)
+    else {
+        panic!()
+    };
+    assert!(positions.len() > 1000 && positions.as_flattened().iter().all(|value| value.is_finite()));
+    let nowhere = spawn(&mut app, vec![a, b, [f32::NAN; 3]]);
+    let mut failures = Vec::new();
+    update_until(&mut app, "a failure", |world| {
+        failures.extend(world.resource_mut::<Messages<StyleFailed>>().drain());
+        !failures.is_empty()
+    });
+    let error = failures[0].error.to_string();
+    assert!(failures[0].entity == nowhere && error.contains("no triangle"), "{error}");
+    assert!(is_plain(&app, nowhere) && !is_plain(&app, entity));
 }
 
 #[test]

@@ -14,6 +14,7 @@ mod eyes;
 mod formats;
 #[cfg(feature = "images")]
 mod hand;
+mod headset;
 #[cfg(feature = "images")]
 mod images;
 #[cfg(feature = "images")]
@@ -34,6 +35,8 @@ mod plugins;
 mod rooms_apart;
 #[cfg(feature = "refine")]
 mod saves;
+#[cfg(all(feature = "images", feature = "meshes"))]
+mod skins;
 mod soak;
 mod space;
 mod still_frames;

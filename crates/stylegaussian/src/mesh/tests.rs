@@ -12,6 +12,8 @@ use crate::{
     work::{Canceled, Work},
 };
 
+mod likeness;
+
 /// Two triangles: the square 0..1 in the plane z = 0.
 fn square() -> (Vec<Vec3>, [[u32; 3]; 2]) {
     (vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y], [[0, 1, 2], [0, 2, 3]])

@@ -2,8 +2,8 @@
 //!
 //! What costs most does not depend on the eye: the reads, the spherical harmonics, the sort. Eyes are a few
 //! centimeters apart, so one order, by the distance from their middle, and one color, seen from there, serve
-//! both. Then no splat changes its color or its place in the order between the eyes. Footprints are each eye's
-//! own.
+//! both. Then no splat changes its color or its place in the order between the eyes: both views hold the same
+//! list on the GPU, however the head moves. Footprints are each eye's own.
 
 use std::sync::OnceLock;
 

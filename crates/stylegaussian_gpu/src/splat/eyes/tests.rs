@@ -54,16 +54,45 @@ fn by_itself(
 fn of_eyes(
     gpu: &HeadlessDevice,
     pass: &SplatPass,
-    [first, second]: &mut [SplatView; 2],
+    views: &mut [SplatView; 2],
     cameras: &[Camera; 2],
     clouds: &[Cloud],
 ) -> [Records; 2] {
+    submit_eyes(gpu, pass, views, cameras, clouds);
+    views.each_ref().map(|view| records(gpu, view))
+}
+
+fn submit_eyes(
+    gpu: &HeadlessDevice,
+    pass: &SplatPass,
+    [first, second]: &mut [SplatView; 2],
+    cameras: &[Camera; 2],
+    clouds: &[Cloud],
+) {
     let HeadlessDevice { device, queue, .. } = gpu;
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let (views, cameras) = ([&mut *first, &mut *second], cameras.each_ref());
-    pass.project_and_sort_eyes(device, queue, &mut encoder, views, cameras, clouds, &settings()).unwrap();
+    pass.project_and_sort_eyes(
+        device,
+        queue,
+        &mut encoder,
+        [first, second],
+        cameras.each_ref(),
+        clouds,
+        &settings(),
+    )
+    .unwrap();
     queue.submit([encoder.finish()]);
-    [records(gpu, first), records(gpu, second)]
+}
+
+/// Checks that records are `sorted` by their distance from the middle of two eyes.
+fn check_order(scene: &Scene, place: &Affine3A, cameras: &[Camera; 2], sorted: &[u32]) {
+    let middle = middle(cameras.each_ref());
+    let distance =
+        |i: u32| in_f64(place).transform_point3(scene.means[i as usize].as_dvec3()).distance(middle);
+    for pair in sorted.windows(2) {
+        let [near, far] = [distance(pair[0]), distance(pair[1])];
+        assert!(near <= far + 1e-5 * (1.0 + far), "{near} drawn over {far}");
+    }
 }
 
 /// Gaussians around the origin, in and out of sight.
@@ -82,9 +111,10 @@ fn random_scene(n: usize, seed: u64) -> Scene {
     scene
 }
 
-/// Two eyes a unit apart, with off-axis projections, each with its part of the target.
-fn cameras() -> [Camera; 2] {
-    let head = Affine3A::look_at_rh(Vec3::new(1.0, 1.0, 5.0), Vec3::ZERO, Vec3::Y).inverse();
+/// Two eyes a unit apart, with off-axis projections, each with its part of the target, of a head that looks at
+/// `target`.
+fn cameras(at: Vec3, target: Vec3) -> [Camera; 2] {
+    let head = Affine3A::look_at_rh(at, target, Vec3::Y).inverse();
     [-1.0, 1.0].map(|side: f32| {
         let mut clip_from_view = Mat4::perspective_infinite_reverse_rh(0.9, 160.0 / 120.0, 0.1);
         clip_from_view.z_axis.x = -0.2 * side;
@@ -104,7 +134,7 @@ fn check(gpu: &HeadlessDevice, scene: &Scene, place: Affine3A, mask: Option<&Gau
     let visibility = mask.map(|mask| CloudVisibility { mask, channel: 0, is: MaskUse::Crop });
     let clouds =
         [Cloud { scene: &on_gpu, colors: CloudColors::Captured, world_from_scene: place, visibility }];
-    let cameras = cameras();
+    let cameras = cameras(Vec3::new(1.0, 1.0, 5.0), Vec3::ZERO);
     let pass = SplatPass::new(device);
     let mut views = [SplatView::new(), SplatView::new()];
     // A view that was one of its own before, and one that will be afterwards.
@@ -147,13 +177,7 @@ fn check(gpu: &HeadlessDevice, scene: &Scene, place: Affine3A, mask: Option<&Gau
             assert!(off < 2e-3, "record {i}: a color is off by {off}");
         }
     }
-    let middle = middle(cameras.each_ref());
-    let distance =
-        |i: u32| in_f64(&place).transform_point3(scene.means[i as usize].as_dvec3()).distance(middle);
-    for pair in eyes[0].sorted.windows(2) {
-        let [near, far] = [distance(pair[0]), distance(pair[1])];
-        assert!(near <= far + 1e-5 * (1.0 + far), "{near} drawn over {far}");
-    }
+    check_order(scene, &place, &cameras, &eyes[0].sorted);
 
     // The same views by themselves again.
     for ((view, camera), own) in views.iter_mut().zip(&cameras).zip(&own) {
@@ -188,4 +212,38 @@ fn eyes_see_through_masks() {
         (0..scene.len()).map(|i| if i % 3 == 0 { [0; 4] } else { [255; 4] }).collect();
     let mask = GaussianMask::new(&gpu.device, &gpu.queue, &weights).unwrap();
     check(&gpu, &scene, Affine3A::IDENTITY, Some(&mask));
+}
+
+/// However a head moves and turns, both eyes draw by one list on the GPU, which is that of the frame.
+#[test]
+fn the_eyes_of_a_moving_head_draw_by_one_list() {
+    let Some(gpu) = gpu() else { return };
+    let scene = random_scene(300, 5);
+    let on_gpu = GpuScene::in_chunks(&gpu.device, &scene, 128);
+    let place = Affine3A::IDENTITY;
+    let clouds =
+        [Cloud { scene: &on_gpu, colors: CloudColors::Captured, world_from_scene: place, visibility: None }];
+    let pass = SplatPass::new(&gpu.device);
+    let mut views = [SplatView::new(), SplatView::new()];
+    let (mut last, mut n_changes) = (Vec::new(), 0);
+    for frame in 0..400 {
+        // Around, through and out of the cloud. In every fourth frame the head is still.
+        let t = 0.05 * (frame - frame % 4) as f32;
+        let at = Vec3::new(3.0 * (0.7 * t).sin(), (1.3 * t).cos(), 6.0 * (0.4 * t).cos());
+        let cameras = cameras(at, at + Vec3::new((0.9 * t).sin(), 0.3 * (2.1 * t).sin(), -1.0));
+        if frame % 50 == 49 {
+            // One eye is closed for a frame.
+            by_itself(&gpu, &pass, &mut views[1], &cameras[1], &clouds);
+        }
+        submit_eyes(&gpu, &pass, &mut views, &cameras, &clouds);
+        let [first, second] = views.each_ref().map(|view| view.sort().unwrap());
+        assert!(first.record_indices == second.record_indices && first.counts == second.counts);
+        if frame % 5 == 0 {
+            let sorted = records(&gpu, &views[1]).sorted;
+            check_order(&scene, &place, &cameras, &sorted);
+            n_changes += usize::from(sorted != last);
+            last = sorted;
+        }
+    }
+    assert!(n_changes > 40, "the order changed {n_changes} times");
 }
