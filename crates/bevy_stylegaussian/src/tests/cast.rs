@@ -133,3 +133,32 @@ fn splats_cast_shadows_on_splats() {
     assert!((pixel(&picture, 24, 32)[0] - dark).abs() < 0.02, "{:?}", pixel(&picture, 24, 32));
     assert_eq!(pixel(&picture, 39, 32), pixel(&plain, 39, 32));
 }
+
+/// A box between a lamp and splats that receive shadows.
+#[test]
+fn meshes_cast_shadows_of_lamps_on_splats() {
+    let Some(mut studio) = studio_with_wall() else { return };
+    let splats = studio.splats(solid(Vec3::ZERO), Transform::default());
+    studio.app.world_mut().entity_mut(splats).insert(SplatShadows { amount: 0.75 });
+    let from = Vec3::new(4.5, 0.0, 5.0);
+    studio.cuboid(Vec3::splat(0.8), 0.5 * from, RED, 1.0);
+    let plain = studio.shoot();
+    let place = Transform::from_translation(from).looking_at(Vec3::ZERO, Vec3::Y);
+    let range = 12.0;
+    // The fall of the lamp's light towards the end of its range.
+    let share = (1.0 - (from.length() / range).powi(4)).powi(2);
+    let dark = Srgba::gamma_function_inverse((1.0 - 0.75 * share) * Srgba::gamma_function(RED[0]));
+    for is_spot in [true, false] {
+        let lamp = studio.app.world_mut().spawn(place).id();
+        let mut of_lamp = studio.app.world_mut().entity_mut(lamp);
+        if is_spot {
+            of_lamp.insert(SpotLight { range, shadow_maps_enabled: true, outer_angle: 0.6, ..default() });
+        } else {
+            of_lamp.insert(PointLight { range, shadow_maps_enabled: true, ..default() });
+        }
+        let found = pixel(&studio.shoot(), 32, 32)[0];
+        assert!((found - dark).abs() < 0.02, "spot {is_spot}: found {found}, expected {dark}");
+        studio.app.world_mut().despawn(lamp);
+        assert_eq!(pixel(&studio.shoot(), 32, 32), pixel(&plain, 32, 32), "spot {is_spot}");
+    }
+}
