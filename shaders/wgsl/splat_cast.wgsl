@@ -1,6 +1,6 @@
 // Draws the cores of splats into a shadow map: the pixels in which a splat's alpha is at least the threshold of
-// its cloud, at the depth of its mean. One quad for each Gaussian of a chunk, whose vertices project it, so a
-// shadow map needs no records. CPU twin: `stylegaussian::splat::cast`.
+// its cloud, at the depth of the core's far end. One quad for each Gaussian of a chunk, whose vertices project
+// it, so a shadow map needs no records. CPU twin: `stylegaussian::splat::cast`.
 
 struct Core {
     @builtin(position) position: vec4<f32>,
@@ -18,11 +18,21 @@ fn splat_cast_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index
         return Core(vec4(0.0, 0.0, 0.0, 1.0), vec2(0.0));
     }
     // A core ends where alpha, opacity exp(-q / 2), falls to the threshold. Of less opacity, none is visible.
-    let reach = sqrt(2.0 * log(projected.splat.opacity / chunk.least_opacity));
+    let reach = sqrt(max(2.0 * log(projected.splat.opacity / chunk.least_opacity), 0.0));
     let square = square_corner(corner);
     var position = corner_within(projected.splat, square, reach, chunk.viewport);
-    // Between the light and its map, the map's near plane takes the shadow.
-    position.z = min(position.z, 1.0);
+    // In space, the core is an ellipsoid of as many standard deviations. Nothing in it is in its shadow.
+    let mean = vec4(gaussian.mean, 1.0);
+    let deviation = length(footprint_axis(gaussian, vec3(0.0, 0.0, 1.0)));
+    let end = vec4(
+        dot(chunk.view_from_scene_x, mean),
+        dot(chunk.view_from_scene_y, mean),
+        dot(chunk.view_from_scene_z, mean) - reach * deviation,
+        1.0,
+    );
+    let depth = dot(chunk.clip_from_view_z, end) / dot(chunk.clip_from_view_w, end);
+    // What ends before the map casts its shadow into all of it.
+    position.z = clamp(depth, 0.0, 1.0);
     return Core(position, square);
 }
 

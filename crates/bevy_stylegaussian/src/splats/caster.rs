@@ -11,8 +11,8 @@ use stylegaussian::splat::CAST_THRESHOLD;
 /// shadows, and haze does not. Splats that no camera sees cast shadows, too, and hidden ones do not. As with
 /// meshes, a light's `RenderLayers` must have one of the entity's.
 ///
-/// A cloud that receives shadows, too, also shades itself. A larger `shadow_depth_bias` of the light takes that
-/// away from thin surfaces.
+/// A cloud that receives shadows, too, also shades itself: a tree its ground, and not a surface itself, since
+/// the shadow of a splat begins at its far end. That is as far behind it as `threshold` says.
 ///
 /// ```
 /// # use bevy::prelude::*;

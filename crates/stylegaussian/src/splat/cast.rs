@@ -1,5 +1,7 @@
 //! Shadows that splats cast: which pixels of a shadow map their cores cover, and at which depth.
 
+use glam::Vec3;
+
 use super::{
     alpha::{MAX_ALPHA, MIN_ALPHA},
     project::project,
@@ -19,9 +21,12 @@ pub fn cast_threshold(wished: f32) -> f32 {
     if wished.is_nan() { CAST_THRESHOLD } else { wished.clamp(MIN_ALPHA, MAX_ALPHA) }
 }
 
-/// The depth that splats have in the shadow map of a light at `camera` `[H, W]`: the view-space z of the
-/// nearest splat whose alpha is the [`cast_threshold`] of `threshold` or more, in scene units. Infinite where
-/// there is none.
+/// The depth at which shadows of splats begin in the shadow map of a light at `camera` `[H, W]`: that of the
+/// nearest far end of a core, in scene units along the camera's axis. Infinite where there is none.
+///
+/// A core is where a splat's alpha is the [`cast_threshold`] of `threshold` or more. In space, it is an
+/// ellipsoid of as many standard deviations, and its far end is the point of that which is farthest along the
+/// axis. So surfaces that are made of splats do not shade themselves.
 ///
 /// Splats that are smaller than a pixel keep their opacity, whatever the scene's filter: a shadow must not fade
 /// as its map gets coarser.
@@ -34,21 +39,22 @@ pub fn cast(scene: &Scene, camera: &Camera, threshold: f32, visibility: Option<&
     let scene = Scene { filter: ScreenFilter::Classic, ..scene.clone() };
     let size = camera.size.as_usizevec2();
     let mut depths = vec![f32::INFINITY; size.x * size.y];
+    let axis = Vec3::from(camera.view_from_world.matrix3.row(2));
     for splat in project(&scene, camera, visibility).iter().filter(|splat| splat.opacity >= threshold) {
         // Alpha, opacity exp(-q / 2), is the threshold at this q.
         let reach = 2.0 * (splat.opacity / threshold).ln();
+        let gaussian = splat.gaussian as usize;
+        let deviation = (scene.rotations[gaussian].inverse() * axis * scene.scales[gaussian]).length();
+        let end = splat.depth + reach.sqrt() * deviation;
         let half_size = splat.half_size * (reach / splat.cutoff).max(0.0).sqrt();
-        let rows = pixels_between(splat.center.y, half_size.y, size.y);
-        for (x, y) in
-            rows.flat_map(|y| pixels_between(splat.center.x, half_size.x, size.x).map(move |x| (x, y)))
-        {
-            let (dx, dy) = (x as f32 + 0.5 - splat.center.x, y as f32 + 0.5 - splat.center.y);
-            let du = dx - splat.slope * dy;
-            let q = splat.row_precision * du * du + splat.y_precision * dy * dy;
-            // Splats come from the nearest on.
-            let depth = &mut depths[y * size.x + x];
-            if q <= reach && depth.is_infinite() {
-                *depth = splat.depth;
+        for y in pixels_between(splat.center.y, half_size.y, size.y) {
+            for x in pixels_between(splat.center.x, half_size.x, size.x) {
+                let (dx, dy) = (x as f32 + 0.5 - splat.center.x, y as f32 + 0.5 - splat.center.y);
+                let du = dx - splat.slope * dy;
+                if splat.row_precision * du * du + splat.y_precision * dy * dy <= reach {
+                    let depth = &mut depths[y * size.x + x];
+                    *depth = depth.min(end);
+                }
             }
         }
     }
