@@ -24,8 +24,8 @@ use stylegaussian::splat::CAST_THRESHOLD;
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct SplatCaster {
-    /// Least alpha of a splat where it casts a shadow, 1/255 to 0.99; 0.5 by default. Less makes shadows of
-    /// thin splats whole, and all shadows wider.
+    /// Least alpha of a splat where it casts a shadow, 1/255 to 0.99; 0.25 by default. Less closes holes in
+    /// the shadows of faint splats, and makes all shadows wider.
     pub threshold: f32,
 }
 

@@ -14,7 +14,7 @@ use super::{
     world::*,
 };
 
-/// Splats at a place, three of them, so that nothing shines through. Their core has a radius of 0.58, and 1.66
+/// Splats at a place, three of them, so that nothing shines through. Their core has a radius of 0.83, and 1.66
 /// is the radius of all that is seen.
 fn solid(mean: Vec3) -> Scene {
     balls(&[Ball { mean, scale: 0.5, opacity: 0.99, color: RED }; 3])

@@ -4,7 +4,7 @@
 //! A shadow map knows light and dark alone, so a splat either casts or does not: it does where its alpha is
 //! above a threshold. That takes no order and no sums, and so no records: the vertices of a quad project its
 //! Gaussian by the rules of *project*, and a light needs no memory but uniforms. A core is small: for opacity 1
-//! and a threshold of 0.5 it has an eighth of the footprint's area. Its shadow begins at its far end, so that
+//! and a threshold of 0.25 it has a quarter of the footprint's area. Its shadow begins at its far end, so that
 //! surfaces do not shade themselves.
 
 use std::sync::OnceLock;
