@@ -12,8 +12,8 @@ use crate::{
     scene::{Scene, ScreenFilter},
 };
 
-/// The threshold that is usual. In shadow maps of 256 x 256 pixels of the demo scene, from three sides, cores of
-/// 0.25 are wrong about whether less than half of the light passes in 0.8% of the shadow's pixels. Cores of
+/// The threshold that is usual. In shadow maps of 256 x 256 pixels of the demo scene, from three sides, cores
+/// of 0.25 are wrong about whether less than half of the light passes in 0.8% of the shadow's pixels. Cores of
 /// 0.15 and of 0.3 are in 1.1%, and cores of 0.5 in 3.2%: their shadows have holes where faint splats overlap.
 pub const CAST_THRESHOLD: f32 = 0.25;
 
