@@ -1,6 +1,6 @@
 //! Splats among meshes: lit cubes circle in front of a styled scene, behind it and through it. Cubes cover
-//! splats behind them and cast shadows on others, and splats cover cubes. A pane of glass in front tints the
-//! scene, and the scene stands in water. The splats write depth, so they hide the water behind them, and depth
+//! splats behind them and cast shadows on others, and splats do the same to cubes. A pane of glass in front tints
+//! the scene, and the scene stands in water. The splats write depth, so they hide the water behind them, and depth
 //! of field blurs what is near and far.
 //!
 //! ```sh
@@ -64,6 +64,7 @@ fn spawn_scene(mut commands: Commands, assets: Res<AssetServer>) {
         GaussianSplats(assets.load("demo.sgs")),
         StyleSource::preset(assets.load("styles/strokes.style.safetensors")),
         SplatShadows::default(),
+        SplatCaster::default(),
         HiddenUntilStyled,
     ));
 }

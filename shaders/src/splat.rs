@@ -51,6 +51,8 @@ pub const BY_DISTANCE: u32 = 4;
 pub const ANTIALIASED: u32 = 8;
 /// `SplatChunk::flags`: the mask shows painted splats, and does not hide them.
 pub const CROPPED: u32 = 16;
+/// `SplatChunk::flags`: what lies before the near plane is not culled, and has a depth above 1.
+pub const UNCLIPPED: u32 = 32;
 
 /// `mode` of the composite: the layer as it is.
 pub const MODE_ENCODED: u32 = 0;
@@ -81,6 +83,8 @@ pub const CURVE_BLENDER_FILMIC: u32 = 5;
 
 const RECORDS: &str = include_str!("../wgsl/splat_records.wgsl");
 const CHUNK: &str = include_str!("../wgsl/splat_chunk.wgsl");
+const FOOTPRINT: &str = include_str!("../wgsl/splat_footprint.wgsl");
+const ONE_EYE: &str = include_str!("../wgsl/splat_one_eye.wgsl");
 const QUADS: &str = include_str!("../wgsl/splat_quads.wgsl");
 const ROWS: &str = include_str!("../wgsl/splat_tiles_rows.wgsl");
 const TILES: &str = include_str!("../wgsl/splat_tiles.wgsl");
@@ -105,6 +109,7 @@ fn constants() -> String {
         ("BY_DISTANCE", BY_DISTANCE),
         ("ANTIALIASED", ANTIALIASED),
         ("CROPPED", CROPPED),
+        ("UNCLIPPED", UNCLIPPED),
         ("MODE_ENCODED", MODE_ENCODED),
         ("MODE_LINEAR", MODE_LINEAR),
         ("MODE_REINHARD", MODE_REINHARD),
@@ -128,7 +133,7 @@ fn source(label: &'static str, files: &[&str]) -> Source {
 
 /// Culls, projects and colors Gaussians, those of clouds with a mask or of clouds without.
 pub fn project(masked: bool) -> Source {
-    project_for(masked, include_str!("../wgsl/splat_one_eye.wgsl"))
+    project_for(masked, ONE_EYE)
 }
 
 /// The same for two eyes of one head.
@@ -138,12 +143,22 @@ pub fn project_eyes(masked: bool) -> Source {
 
 fn project_for(masked: bool, eyes: &str) -> Source {
     let sh = include_str!("../wgsl/splat_sh.wgsl");
-    let mask = match masked {
+    let kernel = include_str!("../wgsl/splat_project.wgsl");
+    source("splat_project", &[RECORDS, CHUNK, sh, mask(masked), eyes, FOOTPRINT, kernel])
+}
+
+/// The opacities of clouds with a mask or of clouds without.
+fn mask(masked: bool) -> &'static str {
+    match masked {
         false => include_str!("../wgsl/splat_unmasked.wgsl"),
         true => include_str!("../wgsl/splat_masked.wgsl"),
-    };
-    let kernel = include_str!("../wgsl/splat_project.wgsl");
-    source("splat_project", &[RECORDS, CHUNK, sh, mask, eyes, kernel])
+    }
+}
+
+/// Draws the cores of splats into a shadow map, those of clouds with a mask or of clouds without.
+pub fn cast(masked: bool) -> Source {
+    let draw = include_str!("../wgsl/splat_cast.wgsl");
+    source("splat_cast", &[RECORDS, CHUNK, mask(masked), ONE_EYE, FOOTPRINT, draw])
 }
 
 /// Counts the digits of each batch. `serial` is for software adapters.
@@ -231,6 +246,8 @@ pub fn sources() -> Vec<Source> {
         project(true),
         project_eyes(false),
         project_eyes(true),
+        cast(false),
+        cast(true),
         sort_histogram(false),
         sort_scan(false),
         sort_scatter(false),
@@ -370,7 +387,7 @@ pub struct SplatChunk {
     pub first_record: u32,
     /// Degree of the spherical harmonics, or [`NO_SH`].
     pub sh_degree: u32,
-    /// [`CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`], [`CROPPED`].
+    /// [`CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`], [`CROPPED`], [`UNCLIPPED`].
     pub flags: u32,
     /// Position of the mask's channel in a word, in bits.
     pub mask_shift: u32,

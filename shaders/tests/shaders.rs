@@ -19,7 +19,9 @@ fn layouts() -> Vec<Layout> {
 }
 
 /// Capabilities of every WebGPU adapter that naga counts as optional, because OpenGL may lack them.
-const CORE: Capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32.union(Capabilities::MULTISAMPLED_SHADING);
+const CORE: Capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32
+    .union(Capabilities::MULTISAMPLED_SHADING)
+    .union(Capabilities::CUBE_ARRAY_TEXTURES);
 
 /// Parses and validates without optional capabilities: a shader that passes runs on every adapter.
 fn validated(source: &Source) -> Result<naga::Module, String> {

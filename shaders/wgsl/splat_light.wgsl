@@ -117,7 +117,7 @@ fn air_along(ray: vec3<f32>) -> Air {
         default: { behind = lost(light.extinction, distance); }
     }
     let added = select(behind, lost(light.inscattering, distance), light.falloff == FALLOFF_ATMOSPHERIC);
-    let shade = 1.0 - light.shadow_amount * (1.0 - sunlight(ray));
+    let shade = shade_at(ray, light.shadow_amount);
     return Air(shade, 1.0 - light.fog_strength * behind, light.fog_strength * added * color);
 }
 

@@ -1,4 +1,5 @@
-// Clouds that a mask hides or crops, for `splat_project`. CPU twin: `stylegaussian::mask::Visibility`.
+// Clouds that a mask hides or crops, for `splat_project` and `splat_cast`. CPU twin:
+// `stylegaussian::mask::Visibility`.
 
 /// Four channels of 8 bits per Gaussian, the first in the low bits.
 @group(1) @binding(3) var<storage, read> mask: array<u32>;

@@ -21,16 +21,7 @@ fn record_of(instance: u32) -> u32 {
 
 /// A corner of the quad around `splat`.
 fn corner_of(splat: Splat, corner: u32) -> vec4<f32> {
-    // The footprint is the ellipse q <= cutoff. The two terms that q squares are coordinates in which it is a
-    // circle. The square around that circle is a parallelogram in pixels, and no parallelogram around the
-    // ellipse has a smaller area.
-    let square = vec2(f32(corner & 1u), f32(corner >> 1u)) * 2.0 - 1.0;
-    let reach = sqrt(cutoff(splat.opacity));
-    let dy = square.y * reach * inverseSqrt(splat.y_precision);
-    let dx = square.x * reach * inverseSqrt(splat.row_precision) + splat.slope * dy;
-    let pixel = splat.center + vec2(dx, dy) - view.viewport.xy;
-    let ndc = (pixel / view.viewport.zw * 2.0 - 1.0) * vec2(1.0, -1.0);
-    return vec4(ndc, splat.depth, 1.0);
+    return corner_within(splat, square_corner(corner), sqrt(cutoff(splat.opacity)), view.viewport);
 }
 
 /// The alpha of a splat at `d` pixels from its center. `geometry` is the geometry half of its record.

@@ -82,3 +82,21 @@ fn cutoff(opacity: f32) -> f32 {
     // then.
     return max(2.0 * log(opacity / MIN_ALPHA), 0.0);
 }
+
+/// A corner of the square of half width 1 around the origin.
+fn square_corner(corner: u32) -> vec2<f32> {
+    return vec2(f32(corner & 1u), f32(corner >> 1u)) * 2.0 - 1.0;
+}
+
+/// A corner, `square`, of the quad around the part of a splat with q <= reach^2, in clip space. `viewport` is
+/// left, top, width and height in pixels of the target.
+fn corner_within(splat: Splat, square: vec2<f32>, reach: f32, viewport: vec4<f32>) -> vec4<f32> {
+    // The two terms that q squares are coordinates in which the part is a disc of radius `reach`. The square
+    // around that disc is a parallelogram in pixels, and no parallelogram around the ellipse has a smaller
+    // area.
+    let dy = square.y * reach * inverseSqrt(splat.y_precision);
+    let dx = square.x * reach * inverseSqrt(splat.row_precision) + splat.slope * dy;
+    let pixel = splat.center + vec2(dx, dy) - viewport.xy;
+    let ndc = (pixel / viewport.zw * 2.0 - 1.0) * vec2(1.0, -1.0);
+    return vec4(ndc, splat.depth, 1.0);
+}

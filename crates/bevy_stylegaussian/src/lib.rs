@@ -26,7 +26,7 @@
 //!   [`StylePrepare`](style::StylePrepare) prepares a loaded scene for the first.
 //!   [`StyleMask`] holds weights that are painted at run time, and [`MaskVisibility`] hides painted splats or
 //!   crops to them. [`SplatTint`] changes the colors of all of it at once, and
-//!   [`SplatShadows`] lets meshes cast shadows on it.
+//!   [`SplatShadows`] lets shadows fall on it, and [`SplatCaster`] lets it cast shadows.
 //! - Components of meshes and of skies, with the feature `meshes`: `StyledMesh` and `StyledSky` paint them as a
 //!   capture beside them is.
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`], [`SplatDepth`], [`SplatEyes`],
@@ -50,10 +50,11 @@
 //! Most apps need no more than [`prelude`].
 //!
 //! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`, `splat_depth`,
-//! `splat_prepass_depth`, `splat_composite`, `style_pass` and `redraw_strokes` are among the render
-//! diagnostics. If several cameras see splats, the names of the second and further ones end with a number, as
-//! in `splat_draw_2`: in the order in which the cameras came, and a camera keeps its number. The sum is the
-//! time of the frame.
+//! `splat_prepass_depth`, `splat_composite`, `splat_cast`, `style_pass` and `redraw_strokes` are among the
+//! render diagnostics. If several cameras see splats, the names of the second and further ones end with a
+//! number, as in `splat_draw_2`: in the order in which the cameras came, and a camera keeps its number. The sum
+//! is the time of the frame. Shadow maps of spot lights and point lights belong to no camera: there the name of
+//! Bevy's pass follows, as in `splat_cast_shadow_spot_light_0`.
 //!
 //! The features of cargo, of which all but those of the last two points are defaults:
 //!
@@ -97,7 +98,9 @@ pub use picking::SplatRayCast;
 pub use plugin::StyleGaussianPlugin;
 #[doc(inline)]
 pub use scene::{FitScene, GaussianScene, GaussianSceneFailed, GaussianSplats};
-pub use splats::{SplatCuts, SplatDepth, SplatEyes, SplatShadows, SplatSortKey, SplatTint, SplatTonemapping};
+pub use splats::{
+    SplatCaster, SplatCuts, SplatDepth, SplatEyes, SplatShadows, SplatSortKey, SplatTint, SplatTonemapping,
+};
 #[cfg(feature = "refine")]
 #[doc(inline)]
 pub use style::StyleRefine;
@@ -129,9 +132,9 @@ pub mod prelude {
     pub use crate::picking::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
     pub use crate::{
         AppliedStyle, FitScene, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
-        HiddenUntilStyled, MaskVisibility, SplatCuts, SplatDepth, SplatEyes, SplatRayCast, SplatShadows,
-        SplatSortKey, SplatTint, SplatTonemapping, StyleApplied, StyleFailed, StyleGaussianPlugin, StyleMask,
-        StyleSource, StyleTransition, StyleVolume,
+        HiddenUntilStyled, MaskVisibility, SplatCaster, SplatCuts, SplatDepth, SplatEyes, SplatRayCast,
+        SplatShadows, SplatSortKey, SplatTint, SplatTonemapping, StyleApplied, StyleFailed,
+        StyleGaussianPlugin, StyleMask, StyleSource, StyleTransition, StyleVolume,
         mask::{SavedMask, StyleMaskFailed},
         picking::SplatHit,
         style::{

@@ -16,11 +16,13 @@
 use glam::{Mat3, Vec3};
 
 mod display;
+mod lamp;
 mod shadow;
 #[cfg(test)]
 mod tests;
 
 pub use display::{BRIGHTEST_SHOWN, Curve, Display, KNEE};
+pub use lamp::{Cone, MAX_LAMPS, ShadowLamp};
 pub use shadow::{MAX_CASCADES, ShadowCascade, in_shadow};
 
 /// Weights of red, green and blue in luminance, by Rec. 709, for linear colors.

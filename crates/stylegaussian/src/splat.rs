@@ -14,12 +14,13 @@
 //!
 //! The stages, one module each: `project` (cull, project, sort by depth), `bands` (list the splats of each
 //! tile), `composite` (blend one tile), `weights` (keep the blend weights in place of a picture). `iso` finds
-//! how far away the surface is. `alpha` holds the limits that they share, and `bounds` the box around all
-//! that is drawn.
+//! how far away the surface is, and `cast` what casts shadows. `alpha` holds the limits that they share, and
+//! `bounds` the box around all that is drawn.
 
 mod alpha;
 mod bands;
 mod bounds;
+mod cast;
 mod composite;
 mod iso;
 mod project;
@@ -41,6 +42,7 @@ use crate::{
 };
 pub use alpha::{MAX_ALPHA, MIN_ALPHA};
 use bands::Bands;
+pub use cast::{CAST_THRESHOLD, cast, cast_threshold};
 use composite::{GROUP, GROUPS, TILE};
 pub use iso::{ISO_THRESHOLD, iso_depth, iso_threshold};
 pub(crate) use project::Projection;

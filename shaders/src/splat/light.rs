@@ -57,7 +57,19 @@ pub(super) fn layouts() -> Vec<Layout> {
             offset,
             far,
         }),
-        layout!(SplatShadows { cascades, n_cascades, padding_0, padding_1, padding_2 }),
+        layout!(ShadowLamp {
+            light_from_view_x,
+            light_from_view_y,
+            light_from_view_z,
+            range,
+            near,
+            depth_bias,
+            normal_bias,
+            cone,
+            half_width,
+            map,
+        }),
+        layout!(SplatShadows { cascades, lamps, n_cascades, n_lamps, padding_0, padding_1 }),
     ]
 }
 
@@ -145,20 +157,48 @@ pub struct ShadowCascade {
     pub far: f32,
 }
 
+/// A spot light or a point light with shadow maps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ShadowLamp {
+    /// The lamp's space from view, first row; rigid.
+    pub light_from_view_x: [f32; 4],
+    /// Second row.
+    pub light_from_view_y: [f32; 4],
+    /// Third row.
+    pub light_from_view_z: [f32; 4],
+    /// Distance at which its light ends.
+    pub range: f32,
+    /// Near plane of its maps.
+    pub near: f32,
+    /// Step toward the lamp before the comparison.
+    pub depth_bias: f32,
+    /// The same for each unit of the distance along the map's axis.
+    pub normal_bias: f32,
+    /// Scale and offset of the cosine of the angle from a spot light's axis.
+    pub cone: [f32; 2],
+    /// Half the width of a spot light's map at distance 1; 0 of a point light.
+    pub half_width: f32,
+    /// Layer of a spot light's map, or number of a point light's cube.
+    pub map: u32,
+}
+
 /// The shadow maps of a view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SplatShadows {
     /// From near to far.
     pub cascades: [ShadowCascade; twin::MAX_CASCADES],
+    /// In any order.
+    pub lamps: [ShadowLamp; twin::MAX_LAMPS],
     /// Cascades that count.
     pub n_cascades: u32,
+    /// Lamps that count.
+    pub n_lamps: u32,
     /// Unused.
     pub padding_0: u32,
     /// Unused.
     pub padding_1: u32,
-    /// Unused.
-    pub padding_2: u32,
 }
 
 /// The constants of the CPU twin.
@@ -169,6 +209,7 @@ pub(super) fn twin_constants() -> String {
         ("FALLOFF_ATMOSPHERIC", FALLOFF_ATMOSPHERIC),
         ("MAX_SUNS", twin::MAX_SUNS as u32),
         ("MAX_CASCADES", twin::MAX_CASCADES as u32),
+        ("MAX_LAMPS", twin::MAX_LAMPS as u32),
     ]);
     let floats = float_constants(&[
         ("BRIGHTEST_SHOWN", twin::BRIGHTEST_SHOWN),

@@ -1,12 +1,17 @@
-//! Bevy's `DistanceFog` and its directional lights, as splats see them.
+//! Bevy's `DistanceFog` and its lights, as splats see them.
 
 use bevy::{
     camera::visibility::RenderLayers,
     ecs::system::SystemParam,
-    pbr::{DistanceFog, ExtractedDirectionalLight, FogFalloff, ViewShadowBindings},
+    light::spot_light_world_from_view,
+    math::Affine3A,
+    pbr::{
+        DistanceFog, ExtractedDirectionalLight, ExtractedPointLight, FogFalloff, GlobalClusterableObjectMeta,
+        ViewShadowBindings,
+    },
     prelude::*,
 };
-use stylegaussian::light::{Falloff, Fog, ShadowCascade, Sun};
+use stylegaussian::light::{Cone, Falloff, Fog, MAX_LAMPS, ShadowCascade, ShadowLamp, Sun};
 use stylegaussian_gpu::splat::Shadows;
 
 /// The fog and the shadow maps of a camera in the render world.
@@ -15,32 +20,53 @@ pub(super) type CameraAir = (Option<&'static DistanceFog>, Option<&'static ViewS
 /// The same of one camera.
 type AirOf<'a> = (Option<&'a DistanceFog>, Option<&'a ViewShadowBindings>);
 
-/// The game's directional lights.
+/// The game's lights.
 #[derive(SystemParam)]
-pub(super) struct Suns<'w, 's>(
-    Query<'w, 's, (Entity, &'static ExtractedDirectionalLight, Option<&'static RenderLayers>)>,
-);
+pub(super) struct GameLights<'w, 's> {
+    suns: Query<'w, 's, (Entity, &'static ExtractedDirectionalLight, Option<&'static RenderLayers>)>,
+    /// Point lights and spot lights.
+    lamps: Query<'w, 's, (Entity, &'static ExtractedPointLight, Option<&'static RenderLayers>)>,
+    /// The order of the lamps, by which their maps are numbered.
+    meta: Option<Res<'w, GlobalClusterableObjectMeta>>,
+}
 
-impl Suns<'_, '_> {
-    /// Those on the layers of a camera.
+impl GameLights<'_, '_> {
+    /// The directional lights on the layers of a camera.
     fn on(
         &self,
         layers: Option<&RenderLayers>,
     ) -> impl Iterator<Item = (Entity, &ExtractedDirectionalLight)> {
         let layers = layers.cloned().unwrap_or_default();
         let lights =
-            self.0.iter().filter(move |(_, _, of_light)| of_light.unwrap_or_default().intersects(&layers));
+            self.suns.iter().filter(move |(_, _, of_light)| of_light.unwrap_or_default().intersects(&layers));
         lights.map(|(entity, light, _)| (entity, light))
     }
 
-    /// The shadow maps of the first light that has any, for this camera.
+    /// The shadow maps for a camera at `eye`: of the first directional light that has any, and of the nearest
+    /// lamps. `None` if there are none.
     pub(super) fn shadows(
         &self,
         (_, maps): AirOf,
         layers: Option<&RenderLayers>,
         camera: Entity,
+        eye: Vec3,
     ) -> Option<Shadows> {
         let maps = maps?;
+        let cascades = self.cascades(layers, camera).unwrap_or_default();
+        let lamps = self.lamps(maps, layers, eye);
+        if cascades.is_empty() && lamps.is_empty() {
+            return None;
+        }
+        Some(Shadows {
+            maps: (*maps.directional_light_depth_texture_view).clone(),
+            cubes: (*maps.point_light_depth_texture_view).clone(),
+            cascades,
+            lamps,
+        })
+    }
+
+    /// The cascades of the first directional light that has any, for this camera.
+    fn cascades(&self, layers: Option<&RenderLayers>, camera: Entity) -> Option<Vec<ShadowCascade>> {
         // The order in which Bevy gives lights layers of its texture, so that this one has the first layers.
         let with_maps = self.on(layers).filter(|(_, light)| light.shadow_maps_enabled);
         let (_, light) = with_maps.min_by_key(|(entity, light)| (light.volumetric, *entity))?;
@@ -53,8 +79,55 @@ impl Suns<'_, '_> {
             offset: to_light * (light.shadow_depth_bias + light.shadow_normal_bias * cascade.texel_size),
             far,
         });
-        let maps = (*maps.directional_light_depth_texture_view).clone();
-        Some(Shadows { maps, cascades: cascades.collect() })
+        Some(cascades.collect())
+    }
+
+    /// The lamps with shadow maps that are nearest to `eye`.
+    fn lamps(&self, maps: &ViewShadowBindings, layers: Option<&RenderLayers>, eye: Vec3) -> Vec<ShadowLamp> {
+        let Some(meta) = &self.meta else { return Vec::new() };
+        let is_spot = |light: &ExtractedPointLight| light.spot_light_angles.is_some();
+        let n_points = self.lamps.iter().filter(|(_, light, _)| !is_spot(light)).count();
+        let n_spots =
+            self.lamps.iter().filter(|(_, light, _)| is_spot(light) && light.shadow_maps_enabled).count();
+        // Layers of cascades come first, and cubes have six.
+        let n_layers = maps.directional_light_depth_texture.depth_or_array_layers() as usize;
+        let n_cubes = maps.point_light_depth_texture.depth_or_array_layers() as usize / 6;
+        let first_layer = n_layers.saturating_sub(n_spots);
+        let layers = layers.cloned().unwrap_or_default();
+        let mut lamps = Vec::new();
+        for (entity, light, of_light) in &self.lamps {
+            if !light.shadow_maps_enabled || !of_light.unwrap_or_default().intersects(&layers) {
+                continue;
+            }
+            // Bevy's lists have point lights before spot lights, and those with maps before the others.
+            let Some(&index) = meta.entity_to_index.get(&entity) else { continue };
+            let (map, n_maps) = match is_spot(light) {
+                false => (index, n_cubes),
+                true => (first_layer + index.saturating_sub(n_points), n_layers),
+            };
+            if map >= n_maps {
+                continue;
+            }
+            let at = light.transform.translation();
+            // The maps of point lights have the axes of the world.
+            let world_from_light = match is_spot(light) {
+                false => Affine3A::from_translation(at),
+                true => spot_light_world_from_view(&light.transform),
+            };
+            let lamp = ShadowLamp {
+                light_from_point: world_from_light.inverse(),
+                range: light.range,
+                near: light.shadow_map_near_z,
+                depth_bias: light.shadow_depth_bias,
+                normal_bias: light.shadow_normal_bias,
+                cone: light.spot_light_angles.map(|(inner, outer)| Cone { inner, outer }),
+                map: map as u32,
+            };
+            lamps.push((at.distance_squared(eye), entity, lamp));
+        }
+        lamps.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        lamps.truncate(MAX_LAMPS);
+        lamps.into_iter().map(|(_, _, lamp)| lamp).collect()
     }
 
     /// The fog of a camera on these layers. `exposure` is the factor of light by Bevy's `Exposure`.

@@ -13,6 +13,9 @@ pub(crate) struct Held {
     pub(crate) layers: Vec<usize>,
     /// Number of views with depths.
     pub(crate) n_depths: usize,
+    /// Number of draws of casters requested, and of shadow maps that have casters.
+    #[cfg(feature = "pbr")]
+    pub(crate) n_casts: usize,
 }
 
 impl Held {
@@ -25,6 +28,12 @@ impl Held {
         // Addresses tell a kept layer from a new one of the same size.
         let layers = views.filter_map(|view| Some(std::ptr::from_ref(view.layer()?.0).addr())).collect();
         let n_depths = world.resource::<SplatDepths>().n_views();
-        Self { n_pipelines, layers, n_depths }
+        Self {
+            n_pipelines,
+            layers,
+            n_depths,
+            #[cfg(feature = "pbr")]
+            n_casts: world.resource::<super::cast::SplatCasts>().n(),
+        }
     }
 }

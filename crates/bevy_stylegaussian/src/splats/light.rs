@@ -22,7 +22,7 @@ use stylegaussian_gpu::splat::{self, ViewLight};
 use crate::work::SynchronousCompilation;
 
 use super::{
-    air::{CameraAir, Suns},
+    air::{CameraAir, GameLights},
     pipelines::{Luts, SplatPipelines},
     view,
 };
@@ -67,12 +67,14 @@ impl From<SplatTint> for Tint {
     }
 }
 
-/// Lets meshes cast shadows on a [`GaussianSplats`](crate::GaussianSplats): splats in the shadow of the game's
-/// first directional light with shadow maps become darker, as a whole each. A component of the entity; without
-/// it, splats stay as they were captured. It needs the feature `pbr`.
+/// Lets shadows fall on a [`GaussianSplats`](crate::GaussianSplats): splats in the shadow of meshes, and of
+/// splats with [`SplatCaster`](crate::SplatCaster), become darker, as a whole each. A component of the entity;
+/// without it, splats stay as they were captured. It needs the feature `pbr`.
 ///
-/// The capture has shadows of its own, which stay. Splats cast none. Shadows of point lights and spot lights
-/// are not received.
+/// Shadows of the game's first directional light with shadow maps fall, and those of the eight spot lights and
+/// point lights with shadow maps that are nearest to the camera. A lamp lights no capture, so its shadow takes
+/// the same share everywhere, and fades where the lamp's range and its cone end. The capture has shadows of its
+/// own, which stay.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -139,7 +141,7 @@ type LitCamera = (
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub(super) fn prepare_lights(
     cameras: Query<LitCamera, With<Camera3d>>,
-    suns: Suns,
+    game: GameLights,
     clouds: Res<CloudLights>,
     mut lights: ResMut<SplatLights>,
     mut pipelines: ResMut<SplatPipelines>,
@@ -153,8 +155,9 @@ pub(super) fn prepare_lights(
     let is_shadowed = clouds.0.values().any(|cloud| cloud.shadow_amount > 0.0);
     let device = device.wgpu_device();
     for (entity, extracted, camera, tonemapping, layers, air) in &cameras {
-        let fog = suns.fog(air, layers, camera.exposure);
-        let shadows = is_shadowed.then(|| suns.shadows(air, layers, entity)).flatten();
+        let fog = game.fog(air, layers, camera.exposure);
+        let eye = extracted.world_from_view.translation();
+        let shadows = is_shadowed.then(|| game.shadows(air, layers, entity, eye)).flatten();
         if fog.is_none() && shadows.is_none() && !has_tints {
             continue;
         }

@@ -1,8 +1,9 @@
 //! Splats: drawing scenes, in the colors of [`crate::colors`], into the views of cameras.
 //!
 //! Each frame plans the views ([`view`]), finds their light ([`light`]) and builds missing pipelines in the
-//! background ([`pipelines`]). Each camera then runs the splat pass ([`pass`]), and writes depth if it is asked
-//! for ([`depth`]). Styles are none of this room's business.
+//! background ([`pipelines`]). Splats that cast shadows are drawn into the maps of lights (`cast`). Each camera
+//! then runs the splat pass ([`pass`]), and writes depth if it is asked for ([`depth`]). Styles are none of
+//! this room's business.
 
 use bevy::{
     core_pipeline::{
@@ -26,6 +27,9 @@ mod air;
 #[path = "no_air.rs"]
 mod air;
 mod camera;
+#[cfg(feature = "pbr")]
+mod cast;
+mod caster;
 mod cuts;
 mod depth;
 mod eyes;
@@ -38,6 +42,7 @@ mod pipelines;
 mod view;
 
 pub use camera::{SplatSortKey, SplatTonemapping};
+pub use caster::SplatCaster;
 pub use cuts::SplatCuts;
 pub use depth::SplatDepth;
 pub use eyes::SplatEyes;
@@ -50,6 +55,10 @@ pub(crate) use held::Held;
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 struct DrawsSplats;
 
+/// The systems that draw splats into shadow maps. They come after meshes have been drawn there.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+struct CastsShadows;
+
 /// Draws [`GaussianSplats`](crate::GaussianSplats).
 pub(crate) struct SplatsPlugin;
 
@@ -61,7 +70,8 @@ impl Plugin for SplatsPlugin {
             .register_type::<SplatCuts>()
             .register_type::<SplatEyes>()
             .register_type::<SplatTint>()
-            .register_type::<SplatShadows>();
+            .register_type::<SplatShadows>()
+            .register_type::<SplatCaster>();
         // Apps without rendering, such as servers and tests, still load and style scenes.
         if app.get_sub_app(RenderApp).is_none() {
             return;
@@ -96,8 +106,9 @@ impl Plugin for SplatsPlugin {
             .add_systems(
                 Core3d,
                 (
-                    // Before the main pass, since ambient occlusion reads the depth of the prepass.
-                    pass::sort_splats.in_set(Core3dSystems::Prepass),
+                    // Before the main pass, since ambient occlusion reads the depth of the prepass. Its light
+                    // reads shadow maps.
+                    pass::sort_splats.after(CastsShadows).in_set(Core3dSystems::Prepass),
                     depth::write_prepass_depth
                         .after(late_prepass)
                         .after(pass::sort_splats)
@@ -119,8 +130,11 @@ impl Plugin for SplatsPlugin {
                 ),
             );
         #[cfg(feature = "pbr")]
-        // What transmissive materials refract has been drawn before.
-        app.sub_app_mut(RenderApp)
-            .configure_sets(Core3d, DrawsSplats.before(bevy::pbr::main_transmissive_pass_3d));
+        {
+            let render_app = app.sub_app_mut(RenderApp);
+            // What transmissive materials refract has been drawn before.
+            render_app.configure_sets(Core3d, DrawsSplats.before(bevy::pbr::main_transmissive_pass_3d));
+            cast::add_to(render_app);
+        }
     }
 }

@@ -9,16 +9,16 @@ pub(super) type CameraAir = ();
 
 /// No lights.
 #[derive(SystemParam)]
-pub(super) struct Suns;
+pub(super) struct GameLights;
 
-impl Suns {
+impl GameLights {
     /// None.
     pub(super) fn fog(&self, (): (), _: Option<&RenderLayers>, _: f32) -> Option<Fog> {
         None
     }
 
     /// None.
-    pub(super) fn shadows(&self, (): (), _: Option<&RenderLayers>, _: Entity) -> Option<Shadows> {
+    pub(super) fn shadows(&self, (): (), _: Option<&RenderLayers>, _: Entity, _: Vec3) -> Option<Shadows> {
         None
     }
 }

@@ -390,7 +390,7 @@ fn plan(
 
 /// Least view depth of splats, in world units: 0.2 as in training, or twice the camera's near plane if that is
 /// less. Bevy's default near plane of 0.1 gives 0.2; a world of a smaller scale has a nearer one.
-fn near(view: &ExtractedView) -> f32 {
+pub(super) fn near(view: &ExtractedView) -> f32 {
     // Reverse z without a far plane maps view depth d to near / d, so this entry is `near`. In an orthographic
     // projection, it is far / (far - near), about 1, and 0.2 stays.
     let near_plane = view.clip_from_view.w_axis.z;

@@ -7,6 +7,8 @@
 mod air;
 #[cfg(feature = "images")]
 mod background;
+#[cfg(feature = "pbr")]
+mod cast;
 mod demo_scene;
 mod depth;
 mod diagnostics;

@@ -1,5 +1,7 @@
 //! Numbers by hand, and limits that hold for every color.
 
+use glam::Affine3A;
+
 use super::*;
 
 const DISPLAYS: [Display; 3] = [
@@ -115,4 +117,41 @@ fn shadow_maps_are_looked_up() {
     let cascades = [cascade, ShadowCascade { far: 20.0, ..cascade }];
     assert_eq!([6.9, 7.0, 20.0].map(|depth| ShadowCascade::at(&cascades, depth)), [Some(0), Some(1), None]);
     assert_eq!([in_shadow(0.75, 0.0), in_shadow(0.75, 1.0), in_shadow(0.0, 0.0)], [0.25, 1.0, 1.0]);
+}
+
+/// A lamp at height 4 that shines down. Half way to its range, 1 - 1/16 squared of it is left.
+#[test]
+fn lamps_reach_as_far_as_their_light() {
+    let light_from_point = Affine3A::look_at_rh(4.0 * Vec3::Y, Vec3::ZERO, Vec3::Z);
+    let cone = Cone { inner: 0.0, outer: std::f32::consts::FRAC_PI_3 };
+    let spot = ShadowLamp {
+        light_from_point,
+        range: 8.0,
+        near: 0.1,
+        depth_bias: 0.0,
+        normal_bias: 0.0,
+        cone: Some(cone),
+        map: 0,
+    };
+    let window = (1.0 - 1.0 / 16.0_f32).powi(2);
+    let check = |found: Option<(f32, f32)>, share: f32, depth: f32| {
+        let (found_share, found_depth) = found.unwrap();
+        assert!((found_share - share).abs() < 1e-5 && (found_depth - depth).abs() < 1e-6, "{found:?}");
+    };
+    check(spot.reach(Vec3::ZERO), window, 0.1 / 4.0);
+    // 4 away at 45 degrees: a share of (sqrt(1/2) - 1/2) / (1 - 1/2) of the root.
+    let aside = Vec3::new(8.0_f32.sqrt(), 4.0 - 8.0_f32.sqrt(), 0.0);
+    check(spot.reach(aside), window * (2.0 * (0.5_f32.sqrt() - 0.5)).powi(2), 0.1 / 8.0_f32.sqrt());
+    let [beside, behind, beyond, close] =
+        [Vec3::new(9.0, 0.0, 0.0), 5.0 * Vec3::Y, -5.0 * Vec3::Y, 3.95 * Vec3::Y];
+    for outside in [beside, behind, beyond, close, 4.0 * Vec3::Y] {
+        assert_eq!(spot.reach(outside), None, "{outside}");
+    }
+    // A point light sees what is behind, and compares the largest coordinate: here 3 of (3, 2).
+    let point = ShadowLamp { cone: None, ..spot };
+    check(point.reach(6.0 * Vec3::Y), (1.0 - (0.25_f32).powi(4)).powi(2), 0.1 / 2.0);
+    assert!((point.reach(Vec3::new(3.0, 2.0, 0.0)).unwrap().1 - 0.1 / 3.0).abs() < 1e-6);
+    // Both biases lead to the lamp: 0.3 and 0.05 of 4.
+    let biased = ShadowLamp { depth_bias: 0.3, normal_bias: 0.05, ..spot };
+    check(biased.reach(Vec3::ZERO), window, 0.1 / 3.5);
 }

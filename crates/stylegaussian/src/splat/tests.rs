@@ -5,6 +5,7 @@ use glam::{Affine3A, Quat, UVec2, Vec2, Vec3};
 use super::*;
 use crate::scene::ScreenFilter;
 
+mod cast;
 mod iso;
 
 /// A camera at the origin that looks along +z, with a focal length of 10 px and 9 x 9 pixels. The center of

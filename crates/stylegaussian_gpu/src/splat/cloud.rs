@@ -97,8 +97,8 @@ impl<'a> Cloud<'a> {
 }
 
 /// Checks that each cloud has as many colors as Gaussians, and strokes and a mask of as many.
-pub(super) fn check(clouds: &[Cloud]) -> Result<(), SplatError> {
-    for (i, cloud) in clouds.iter().enumerate() {
+pub(super) fn check<'a, 'b: 'a>(clouds: impl IntoIterator<Item = &'a Cloud<'b>>) -> Result<(), SplatError> {
+    for (i, cloud) in clouds.into_iter().enumerate() {
         let expected = cloud.scene.n_gaussians();
         let found = cloud.colors.own().map_or(expected, GaussianColors::n_gaussians);
         if found != expected {

@@ -89,7 +89,7 @@ struct Bound {
     buffers: [wgpu::Buffer; 5],
     tonemapping: Tonemapping,
     table: Option<InverseTable>,
-    maps: Option<wgpu::TextureView>,
+    maps: Option<[wgpu::TextureView; 2]>,
 }
 
 /// All that determines the light on a view's records.
@@ -99,7 +99,8 @@ struct Source {
     clouds: Vec<SplatLight>,
     tonemapping: Tonemapping,
     table: Option<InverseTable>,
-    shadows: Option<(wgpu::TextureView, SplatShadows)>,
+    /// Maps and cubes, and their uniforms.
+    shadows: Option<([wgpu::TextureView; 2], SplatShadows)>,
 }
 
 /// The buffers of a view that the kernel reads and changes: keys, both halves of the records, and strokes if it
@@ -134,6 +135,7 @@ impl LightStage {
                 bindings.push(uniform_binding::<SplatShadows>());
                 bindings.push(texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2Array));
                 bindings.push(wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Comparison));
+                bindings.push(texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::CubeArray));
             }
             let mode = CompositeMode::InvertTonemapping(tonemapping).mode();
             let constants = [("mode", f64::from(mode)), ("curve", f64::from(tonemapping.curve()))];
@@ -227,12 +229,13 @@ impl LightStage {
         let [inverse, curve] = [inverse, curve].map(wgpu::BindingResource::TextureView);
         let sampler = wgpu::BindingResource::Sampler(&shared.sampler);
         let mut resources = vec![one_cloud, keys, geometry, color, strokes, inverse, curve, sampler];
-        if let Some((maps, _)) = shadows {
+        if let Some(([maps, cubes], _)) = shadows {
             let size = size_of::<SplatShadows>() as u64;
             let create = || buffers::uniforms(device, "splat_shadows", size);
             resources.push(view.shadow_uniforms.get_or_insert_with(create).as_entire_binding());
             resources.push(wgpu::BindingResource::TextureView(maps));
             resources.push(wgpu::BindingResource::Sampler(&shared.shadow_sampler));
+            resources.push(wgpu::BindingResource::TextureView(cubes));
         }
         let layout = &self.kernel(device, *tonemapping, shadows.is_some()).layout;
         view.group = Some((of, bind_group(device, "splat_light", layout, &resources)));
@@ -293,7 +296,8 @@ impl LitView {
             clouds: lit,
             tonemapping: wish.tonemapping,
             table: wish.table.clone(),
-            shadows: shadows.map(|shadows| (shadows.maps.clone(), shadows.uniforms(camera))),
+            shadows: shadows
+                .map(|shadows| ([shadows.maps.clone(), shadows.cubes.clone()], shadows.uniforms(camera))),
         }
     }
 }

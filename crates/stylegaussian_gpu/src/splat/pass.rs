@@ -6,6 +6,7 @@ use glam::UVec2;
 
 use super::{
     camera::Camera,
+    cast::Cast,
     cloud::{self, Cloud},
     depth::Depth,
     draw::{Draw, SplatPipeline},
@@ -23,6 +24,7 @@ use super::{
 };
 use crate::{device::is_software, strokes::StrokeStore};
 
+mod cast;
 mod depth;
 mod eyes;
 
@@ -37,6 +39,8 @@ pub struct SplatPass {
     pub(super) tiles: Option<Tiles>,
     /// Made when a view asks for depth.
     pub(super) depth: OnceLock<Depth>,
+    /// Made when a cloud casts shadows.
+    pub(super) cast: OnceLock<Cast>,
     /// The pipelines that split depth with several samples, compiled when they are asked for.
     edges: OnceLock<Edges>,
 }
@@ -67,6 +71,7 @@ impl SplatPass {
             light: LightStage::default(),
             tiles: None,
             depth: OnceLock::new(),
+            cast: OnceLock::new(),
             edges: OnceLock::new(),
         }
     }

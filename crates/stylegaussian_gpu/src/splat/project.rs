@@ -36,7 +36,7 @@ pub(super) struct Project {
     /// Clouds with one; compiled when it is asked for, or when the first is drawn.
     masked: OnceLock<Variant>,
     /// Bound if a scene has no spherical harmonics, or if its captured colors are shown.
-    absent: wgpu::Buffer,
+    pub(super) absent: wgpu::Buffer,
     /// The kernel that follows for clouds with strokes.
     pub(super) strokes: StrokeStage,
     /// The kernel for two eyes.
@@ -193,7 +193,7 @@ impl Project {
 }
 
 /// The uniforms that the chunks of a cloud share.
-fn cloud_uniforms(
+pub(super) fn cloud_uniforms(
     (camera, middle): (&Camera, Option<DVec3>),
     cloud: &Cloud,
     settings: &SplatSettings,
