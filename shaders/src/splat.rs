@@ -10,9 +10,11 @@ use crate::{Layout, Source, float_constants, layout};
 
 mod composite;
 pub mod depth;
+pub mod half;
 pub mod light;
 pub mod strokes;
 
+use self::half::SplatHalf;
 pub use composite::{CompositeKind, SplatComposite, SplatEdges, composite, edges};
 use depth::SplatIso;
 use strokes::{StrokeChange, StrokeChunk, StrokeDraw, StrokeMotion};
@@ -51,6 +53,8 @@ pub const BY_DISTANCE: u32 = 4;
 pub const ANTIALIASED: u32 = 8;
 /// `SplatChunk::flags`: the mask shows painted splats, and does not hide them.
 pub const CROPPED: u32 = 16;
+/// `SplatChunk::flags`: splats keep the sums that they have in a picture of twice the width and height.
+pub const HALF_SIZE: u32 = 32;
 
 /// `mode` of the composite: the layer as it is.
 pub const MODE_ENCODED: u32 = 0;
@@ -105,6 +109,7 @@ fn constants() -> String {
         ("BY_DISTANCE", BY_DISTANCE),
         ("ANTIALIASED", ANTIALIASED),
         ("CROPPED", CROPPED),
+        ("HALF_SIZE", HALF_SIZE),
         ("MODE_ENCODED", MODE_ENCODED),
         ("MODE_LINEAR", MODE_LINEAR),
         ("MODE_REINHARD", MODE_REINHARD),
@@ -262,6 +267,8 @@ pub fn sources() -> Vec<Source> {
         depth::slices_draw(),
         depth::slices_cross(),
         depth::write(),
+        half::depth(),
+        half::upsample(),
     ]
 }
 
@@ -307,7 +314,8 @@ pub fn layouts() -> Vec<Layout> {
         layout!(SplatTiles { viewport, n_tiles, capacity, padding }),
         layout!(RunProgress { n_splats, n_tiles }),
         layout!(SplatComposite { exposure }),
-        layout!(SplatIso { viewport, threshold, slice, padding_0, padding_1 }),
+        layout!(SplatIso { viewport, place, step, threshold, slice, padding_0, padding_1, padding_2 }),
+        layout!(SplatHalf { viewport, limit, padding }),
         layout!(SplatEdges { limit }),
         layout!(StrokeChunk {
             chunk,
@@ -370,7 +378,7 @@ pub struct SplatChunk {
     pub first_record: u32,
     /// Degree of the spherical harmonics, or [`NO_SH`].
     pub sh_degree: u32,
-    /// [`CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`], [`CROPPED`].
+    /// [`CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`], [`CROPPED`], [`HALF_SIZE`].
     pub flags: u32,
     /// Position of the mask's channel in a word, in bits.
     pub mask_shift: u32,

@@ -10,7 +10,8 @@
 //! 3. *draw* (`draw`): one indirect draw of quads, back to front, premultiplied over, into a *layer* of the
 //!    target's size. Splats blend there among themselves, display-referred. On software adapters a tiled
 //!    compute rasterizer (`tiles`) draws layers, four times as fast. Layers have one sample per pixel. For
-//!    targets with several, splats are drawn once more where meshes end (`edges`);
+//!    targets with several, splats are drawn once more where meshes end (`edges`). For weak GPUs, they are
+//!    drawn at half the width and height, and made whole by the depth of meshes (`half`);
 //! 4. *composite* (`composite`): puts the layer over the picture, in the picture's own space.
 //!
 //! Two eyes of one head share stages 1 and 2 (`eyes`): one kernel projects for both, from one order and one
@@ -37,6 +38,7 @@ mod draw;
 mod edges;
 mod error;
 mod eyes;
+mod half;
 mod headless;
 mod layer;
 mod light;
@@ -53,6 +55,7 @@ mod tiles;
 mod tonemapping;
 mod view;
 
+pub use self::half::HalfLayer;
 pub use camera::Camera;
 pub use cloud::{Cloud, CloudColors, CloudVisibility};
 pub use composite::{Composite, CompositeInput, CompositeMode, CompositePipeline};

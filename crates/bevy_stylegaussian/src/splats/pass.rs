@@ -23,7 +23,7 @@ use super::{
     eyes::Pair,
     light::Lights,
     pipelines::{Ready, SplatPipelines},
-    view::{Layer, SplatViews, ViewSplats},
+    view::{SplatViews, ViewSplats, Whole},
 };
 
 /// Access to the GPU while encoding a view.
@@ -184,15 +184,23 @@ fn draw_layer(
     let Some((layer, buffers)) = splats.layer_and_buffers() else { return };
     let span = gpu.diagnostics.time_span(gpu.encoder, name);
     let (pass, depth) = (&ready.passes.splat, depth.view());
-    match layer {
-        Layer::Single(color, _) => {
+    let Gpu { device, queue, encoder, .. } = gpu;
+    match (&layer.whole, &layer.half) {
+        (Whole::Single(color, _), None) => {
             let layer = splat::Layer { color, depth: Some(depth) };
-            pass.draw_layer(gpu.device, gpu.queue, gpu.encoder, buffers, &layer, ready.draw);
+            pass.draw_layer(device, queue, encoder, buffers, &layer, ready.draw);
         }
-        Layer::Edges(layers) => {
+        (Whole::Single(color, _), Some(half)) => {
+            let target = (half, color, &**depth);
+            pass.draw_half_layer(device, queue, encoder, buffers, camera, target, ready.draw);
+        }
+        (Whole::Edges(layers), None) => {
             let target = (&**layers, &**depth);
-            let Gpu { device, queue, encoder, .. } = gpu;
             pass.draw_edge_layers(device, queue, encoder, buffers, camera, target, ready.draw);
+        }
+        (Whole::Edges(layers), Some(half)) => {
+            let target = (half, &**layers, &**depth);
+            pass.draw_half_edge_layers(device, queue, encoder, buffers, camera, target, ready.draw);
         }
     }
     span.end(gpu.encoder);
