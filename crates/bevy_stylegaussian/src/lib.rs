@@ -87,7 +87,7 @@ mod systems;
 mod tests;
 mod work;
 
-pub use colors::GaussianSceneReady;
+pub use colors::{GaussianSceneReady, SplatTint};
 #[doc(inline)]
 pub use mask::{MaskVisibility, StyleMask};
 #[cfg(feature = "meshes")]
@@ -97,7 +97,7 @@ pub use picking::SplatRayCast;
 pub use plugin::StyleGaussianPlugin;
 #[doc(inline)]
 pub use scene::{FitScene, GaussianScene, GaussianSceneFailed, GaussianSplats};
-pub use splats::{SplatCuts, SplatDepth, SplatEyes, SplatShadows, SplatSortKey, SplatTint, SplatTonemapping};
+pub use splats::{SplatCuts, SplatDepth, SplatEyes, SplatShadows, SplatSortKey, SplatTonemapping};
 #[cfg(feature = "refine")]
 #[doc(inline)]
 pub use style::StyleRefine;

@@ -41,7 +41,7 @@ pub use camera::{SplatSortKey, SplatTonemapping};
 pub use cuts::SplatCuts;
 pub use depth::SplatDepth;
 pub use eyes::SplatEyes;
-pub use light::{SplatShadows, SplatTint};
+pub use light::SplatShadows;
 
 #[cfg(test)]
 pub(crate) use held::Held;
@@ -60,7 +60,6 @@ impl Plugin for SplatsPlugin {
             .register_type::<SplatDepth>()
             .register_type::<SplatCuts>()
             .register_type::<SplatEyes>()
-            .register_type::<SplatTint>()
             .register_type::<SplatShadows>();
         // Apps without rendering, such as servers and tests, still load and style scenes.
         if app.get_sub_app(RenderApp).is_none() {

@@ -9,11 +9,12 @@
 use bevy::{camera::primitives::Aabb, prelude::*};
 use stylegaussian::{
     layers::Region,
+    light::TintVolume,
     strokes::{StrokeKnobs, StrokeMotion},
 };
 
 use crate::{
-    colors::{ColorLayer, ColorLayers, LayerColors},
+    colors::{ColorLayer, ColorLayers, LayerColors, TintedParts},
     scene::LoadedScene,
     style::{
         make::job::{StyleJob, StyleJobs},
@@ -145,14 +146,17 @@ type LayeredCloud = (
     Has<HiddenUntilStyled>,
 );
 
-/// Sets the layers of all clouds: their own style, and those of the volumes that touch them.
+/// Sets the layers of all clouds: their own style, and those of the volumes that touch them. Finds the volumes
+/// that tint them.
 pub(crate) fn compose_layers(
     mut clouds: Query<LayeredCloud>,
     mut volumes: Query<Volume>,
     mut own: Query<(&mut StyleJobs, Option<&StyleSource>), Without<StyleVolume>>,
     places: Query<&GlobalTransform>,
     sun: Res<Sun>,
+    mut tinted: ResMut<TintedParts>,
 ) {
+    tinted.0.clear();
     let mut volumes: Vec<_> = volumes.iter_mut().collect();
     volumes.sort_by_key(|(entity, volume, ..)| (volume.priority, *entity));
     let place_of = |entity: Entity| Some(places.get(entity).ok()?.translation());
@@ -189,15 +193,23 @@ pub(crate) fn compose_layers(
                 continue;
             }
             let region = volume.region(at);
+            // Tints are found by view, which has no masks.
+            let tint = volume
+                .tint
+                .filter(|_| volume.mask.is_none())
+                .map(|tint| TintVolume { region, tint: tint.into() });
+            if let Some(tint) = tint.filter(|tint| tint.change().is_some()) {
+                tinted.0.entry(entity).or_default().push(tint);
+            }
             let shape_from_scene = match volume.is_everything() {
                 true => Region::EVERYWHERE.shape_from_scene,
                 false => region.shape_from_scene * world_from_scene,
             };
             let region = Region { shape_from_scene, ..region };
             let jobs = &mut jobs.bypass_change_detection().of_scene;
-            // A volume that changes strokes shows captured colors nowhere.
+            // A volume that changes what is there shows captured colors nowhere.
             if let Some(job) = jobs.iter_mut().find(|job| job.is_of(scene))
-                && !(volume.strokes.is_some() && source.is_none())
+                && !(volume.is_change() && source.is_none())
             {
                 let layer = job.worn.volume_layer(&place, region, source.usual_strength(), volume.channel());
                 found.extend(layer.map(|layer| ColorLayer { motion: source.motion.usual(), ..layer }));
