@@ -15,9 +15,9 @@ pub mod light;
 pub mod strokes;
 
 use self::half::SplatHalf;
-pub use composite::{CompositeKind, SplatComposite, SplatEdges, composite, edges};
+pub use composite::{CompositeKind, SplatComposite, SplatEdges, composite, edges, lift};
 use depth::SplatIso;
-use strokes::{StrokeChange, StrokeChunk, StrokeDraw, StrokeMotion};
+use strokes::{CurvePoint, StrokeChange, StrokeChunk, StrokeDraw, StrokeMotion};
 
 /// Invocations in a workgroup of every kernel of the pass.
 pub const WORKGROUP: u32 = 256;
@@ -253,6 +253,7 @@ pub fn sources() -> Vec<Source> {
         composite(CompositeKind::Single),
         composite(CompositeKind::Multi),
         composite(CompositeKind::Resolved),
+        lift(),
         edges(false),
         edges(true),
         inverse_table(),
@@ -332,7 +333,20 @@ pub fn layouts() -> Vec<Layout> {
             motions,
             changes,
         }),
-        layout!(StrokeChange { direction, first, gain, stroke_scale, relief, motion }),
+        layout!(CurvePoint { at, padding_0, toward, padding_1 }),
+        layout!(StrokeChange {
+            direction,
+            first,
+            gain,
+            stroke_scale,
+            relief,
+            motion,
+            added_relief,
+            n_points,
+            padding_0,
+            padding_1,
+            points,
+        }),
         layout!(StrokeMotion { toward, first, end, kind, phase, amount }),
         layout!(StrokeSeed { at, pitch, rotation_xy, rotation_z_aspect, place, look }),
         layout!(StrokeDraw { near, n_lights, is_stable, scale_octaves }),

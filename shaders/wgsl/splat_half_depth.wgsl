@@ -1,5 +1,5 @@
-// The depth that a low pixel is tested against: by turns, as on a chessboard, the farthest of its pixels and the
-// nearest. So the four low pixels around a pixel have seen both sides of an edge that runs through them.
+// The depth that a low pixel is tested against: by turns, as on a chessboard, the farthest of its pixels and
+// the nearest. So the four low pixels around a pixel have seen both sides of an edge that runs through them.
 
 /// Depth of meshes on the farther side of edges, reverse z.
 @group(0) @binding(1) var farther: texture_depth_2d;

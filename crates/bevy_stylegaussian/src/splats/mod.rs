@@ -113,6 +113,7 @@ impl Plugin for SplatsPlugin {
                         .before(main_transparent_pass_3d)
                         .in_set(Core3dSystems::MainPass)
                         .in_set(DrawsSplats),
+                    pass::lift_before_tonemapping.before(tonemapping).in_set(Core3dSystems::PostProcess),
                     // Tonemapping must not see these colors: they are display-referred already.
                     pass::composite_after_tonemapping.after(tonemapping).in_set(Core3dSystems::PostProcess),
                 ),

@@ -11,8 +11,8 @@ use bevy::{
 };
 use stylegaussian_gpu::{
     splat::{
-        Composite, CompositeMode, CompositePipeline, InverseTable, SplatPass, SplatPipeline, ToneCurve,
-        Tonemapping,
+        Composite, CompositeMode, CompositePipeline, InverseTable, LiftPipeline, SplatPass, SplatPipeline,
+        ToneCurve, Tonemapping,
     },
     strokes::StrokeStore,
 };
@@ -35,6 +35,8 @@ pub(super) struct SplatPipelines {
     /// The draw of strokes, which is a part of the passes and of the draw.
     strokes: Option<Background<()>>,
     composites: HashMap<CompositeTarget, Background<CompositePipeline>>,
+    /// What comes before tonemappings that make no number of black, by the format of the target.
+    lifts: HashMap<TextureFormat, Background<LiftPipeline>>,
     tables: HashMap<Tonemapping, Background<InverseTable>>,
 }
 
@@ -146,6 +148,26 @@ impl SplatPipelines {
         half.get().is_some()
     }
 
+    /// Starts to compile the lift of targets of a format. Returns whether it is ready.
+    pub(super) fn request_lift(
+        &mut self,
+        device: &wgpu::Device,
+        synchronous: SynchronousCompilation,
+        format: TextureFormat,
+    ) -> bool {
+        let lift = self.lifts.entry(format).or_insert_with(|| {
+            let device = device.clone();
+            Background::start(synchronous, move || LiftPipeline::new(&device, format))
+        });
+        lift.get().is_some()
+    }
+
+    /// The lift of targets of a format, or `None` if it was not [requested](Self::request_lift) or is not
+    /// ready.
+    pub(super) fn lift(&self, format: TextureFormat) -> Option<&LiftPipeline> {
+        self.lifts.get(&format)?.get()
+    }
+
     /// Whether the kernel for clouds with a mask is ready.
     pub(super) fn has_masks(&self) -> bool {
         self.masks.as_ref().is_some_and(|masks| masks.get().is_some())
@@ -235,7 +257,7 @@ impl SplatPipelines {
     pub(super) fn n_requested(&self) -> usize {
         let single = [&self.strokes, &self.masks, &self.eyes, &self.half].map(Option::is_some);
         let single = single.into_iter().chain([self.draw.is_some()]);
-        let by_kind = [self.lights.len(), self.composites.len(), self.tables.len()];
+        let by_kind = [self.lights.len(), self.composites.len(), self.tables.len(), self.lifts.len()];
         by_kind.iter().sum::<usize>() + single.filter(|&is_there| is_there).count()
     }
 

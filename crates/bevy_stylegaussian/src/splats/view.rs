@@ -22,8 +22,8 @@ use bevy::{
     },
 };
 use stylegaussian_gpu::splat::{
-    self, CompositeInput, CompositeMode, EdgeLayers, HalfLayer, LAYER_FORMAT, SplatPass, SplatSettings,
-    SplatView,
+    self, CompositeInput, CompositeMode, EdgeLayers, HalfLayer, LAYER_FORMAT, LiftPipeline, SplatPass,
+    SplatSettings, SplatView,
 };
 
 use crate::{
@@ -81,6 +81,8 @@ pub(super) struct Plan {
     pub(super) composite: CompositeTarget,
     /// Whether the layer is composited after tonemapping, over an image of one sample per pixel.
     pub(super) after_tonemapping: bool,
+    /// Whether what is exactly black must be lifted before tonemapping, or nothing could be composited over it.
+    pub(super) lifts: bool,
     /// Left, top, width and height in pixels of the target.
     pub(super) viewport: UVec4,
     pub(super) settings: SplatSettings,
@@ -195,6 +197,8 @@ pub(super) fn prepare_views(
         let is_ready = is_ready
             && (masks.is_empty() || pipelines.request_masks(device, *synchronous) || view.layer.is_some());
         let is_ready = is_ready && (!plan.settings.half_size || pipelines.request_half(device, *synchronous));
+        let is_ready =
+            is_ready && (!plan.lifts || pipelines.request_lift(device, *synchronous, plan.composite.format));
         all_ready.0 &= is_ready;
         if view.clouds.is_empty() || !is_ready {
             continue;
@@ -400,7 +404,9 @@ fn plan(
     let (half_size, cuts) = (cuts.half_size, cuts.for_pass());
     let settings = SplatSettings { sort_key, near: near(view), cuts, half_size };
     let exposure = view.color_grading.global.exposure;
-    Some(Plan { composite, after_tonemapping, viewport, settings, size, exposure })
+    let makes_nan = tonemapping.is_some_and(|&tonemapping| LiftPipeline::is_needed(method(tonemapping)));
+    let lifts = after_tonemapping && makes_nan;
+    Some(Plan { composite, after_tonemapping, lifts, viewport, settings, size, exposure })
 }
 
 /// Least view depth of splats, in world units: 0.2 as in training, or twice the camera's near plane if that is

@@ -102,7 +102,7 @@ impl Project {
         view.reserve_chunks(device, &self.view_layout, n_chunks);
         let mut first_record = 0;
         let painted = clouds.iter().filter_map(|cloud| cloud.colors.painted());
-        let draw = draw_uniforms(painted.map(|painted| painted.knobs));
+        let draw = draw_uniforms(painted);
         for cloud in clouds {
             let painted = cloud.colors.painted();
             let of_cloud = cloud_uniforms((camera, middle), cloud, settings);

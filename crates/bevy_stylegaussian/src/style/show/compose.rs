@@ -21,6 +21,7 @@ use crate::{
         show::{place::Place, sun::Sun, volume::StyleVolume, worn::Passed},
         wish::{
             applied::AppliedStyle,
+            relief::StyleRelief,
             source::{HiddenUntilStyled, StyleSource},
         },
     },
@@ -165,6 +166,7 @@ pub(crate) fn compose_layers(
         let all = [Vec3::from(bounds.min()), Vec3::from(bounds.max())];
         let place = Place::new(world_from_scene, scene.asset.usual_bounds().unwrap_or(all), all, &place_of);
         let (mut found, mut is_hidden, mut knobs) = (Vec::new(), false, layers.knobs);
+        let mut relief = StyleRelief::default();
         let mut motion = layers.layers.first().map_or(StrokeMotion::Still, |layer| layer.motion);
         if let Ok((mut jobs, source)) = own.get_mut(entity)
             && let Some(job) = jobs.bypass_change_detection().of_scene.iter_mut().find(|job| job.is_of(scene))
@@ -173,7 +175,8 @@ pub(crate) fn compose_layers(
             found = job.worn.layers(&place);
             // A style that goes, goes as it was drawn.
             if let Some(source) = source.filter(|source| !source.is_none()) {
-                let light = source.relief.to_light(&world_from_scene, sun.0);
+                relief = source.relief;
+                let light = relief.to_light(&world_from_scene, sun.0);
                 knobs = StrokeKnobs { light, ..source.knobs() };
                 motion = source.motion.usual();
             }
@@ -221,6 +224,11 @@ pub(crate) fn compose_layers(
                 let factors = strokes.usual(&world_from_scene, at);
                 found.push(ColorLayer { region, mask: volume.channel(), ..ColorLayer::change(factors) });
             }
+        }
+        let adds_relief =
+            |layer: &ColorLayer| layer.factors.is_some_and(|factors| factors.added_relief > 0.0);
+        if found.iter().any(adds_relief) {
+            knobs.light = relief.to_any_light(&world_from_scene, sun.0);
         }
         // A layer that covers all hides those below.
         if let Some(top) = found.iter().rposition(ColorLayer::covers_all) {
