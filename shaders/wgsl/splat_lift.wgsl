@@ -1,5 +1,5 @@
-// The least light of a picture that is to be tone-mapped, blended by the maximum. A tone mapping that divides by
-// luminance makes no number of what is exactly black, and over that nothing can be blended any more.
+// The least light of a picture that is to be tone-mapped, blended by the maximum. A tone mapping that divides
+// by luminance makes no number of what is exactly black, and over that nothing can be blended any more.
 
 /// The least number of 16 bits that no GPU rounds to 0. A screen shows it as a fifth of a step of 8 bits.
 const LEAST_LIGHT: f32 = 6.1035156e-5;

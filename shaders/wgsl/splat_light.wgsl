@@ -1,6 +1,6 @@
-// Changes the colors of records by light and air: the tints of their cloud and of volumes, shadows on them,
-// and the fog before them. One invocation per record of one cloud, after `splat_project` and `splat_strokes`. CPU twin:
-// `stylegaussian::light::Lit`, which has the equation.
+// Changes the colors of records by light and air: the tints of their cloud and of volumes, shadows on them, and
+// the fog before them. One invocation per record of one cloud, after `splat_project` and `splat_strokes`. CPU
+// twin: `stylegaussian::light::Lit`, which has the equation.
 
 /// A directional light in fog.
 struct FogSun {

@@ -114,8 +114,8 @@ mod tests {
         assert!(orbit.distance() > framing.radius);
     }
 
-    /// Walls around a spot, of Gaussians that grow with the distance from it: the camera begins there, and looks
-    /// toward the middle.
+    /// Walls around a spot, of Gaussians that grow with the distance from it: the camera begins there, and
+    /// looks toward the middle.
     #[test]
     fn a_place_that_was_captured_from_within_is_entered() {
         let at = Vec3::new(2.0, 1.6, 0.0);

@@ -83,7 +83,8 @@ impl GaussianScene {
     }
 
     /// The ball around the dense part of the scene, the scene's up direction, and the spot from which it was
-    /// captured if that is within, all in scene space, or `None` if nothing of it is visible. [`FitScene`](super::FitScene) uses them.
+    /// captured if that is within, all in scene space, or `None` if nothing of it is visible.
+    /// [`FitScene`](super::FitScene) uses them.
     pub fn framing(&self) -> Option<Framing> {
         self.framing
     }

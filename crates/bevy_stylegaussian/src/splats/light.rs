@@ -1,4 +1,5 @@
-//! Light and air of splats: the tints of entities and of parts of them, shadows on them, and the fog of cameras.
+//! Light and air of splats: the tints of entities and of parts of them, shadows on them, and the fog of
+//! cameras.
 //!
 //! Views without either have nothing of it: no pipeline, no buffer, no dispatch.
 

@@ -220,8 +220,9 @@ fn composite(gpu: &mut Gpu, ready: &Ready, splats: &ViewSplats, image: RenderPas
     span.end(gpu.encoder);
 }
 
-/// Lifts what is exactly black before tonemapping, by less than a screen shows, in views whose layer comes after
-/// a tonemapping that would make no number of it: a product with that is none either, whatever lies over it.
+/// Lifts what is exactly black before tonemapping, by less than a screen shows, in views whose layer comes
+/// after a tonemapping that would make no number of it: a product with that is none either, whatever lies over
+/// it.
 ///
 /// The mutable target keeps other systems away, as below.
 pub(super) fn lift_before_tonemapping(

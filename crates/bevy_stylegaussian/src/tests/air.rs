@@ -127,8 +127,8 @@ fn tints_change_light_and_idle_ones_nothing() {
     assert!(studio.shoot() == plain);
 }
 
-/// A volume tints the splats within, softly at its edge and whatever their style, over the tint of their entity.
-/// A volume that tints nothing costs nothing, and what is tinted has its colors back afterwards.
+/// A volume tints the splats within, softly at its edge and whatever their style, over the tint of their
+/// entity. A volume that tints nothing costs nothing, and what is tinted has its colors back afterwards.
 #[test]
 fn volumes_tint_what_is_within() {
     let Some(mut studio) = Studio::new() else { return };

@@ -59,10 +59,10 @@ pub fn half_depths(farther: &[f32], nearer: &[f32], size: UVec2) -> Vec<f32> {
     (0..low.y).flat_map(|y| (0..low.x).map(move |x| (x, y))).map(|(x, y)| depth(x, y)).collect()
 }
 
-/// The whole picture `[H, W]` of the low one, premultiplied. `low` are its texels and the
-/// [depths](half_depths) that they were tested against `[h, w]`, `depths` those of the pixels themselves. Depths
-/// that differ by much more than x d + y, with x and y those of `limit`, at depth d are those of two surfaces.
-/// Pixels of depth 1 and nearer are empty.
+/// The whole picture `[H, W]` of the low one, premultiplied. `low` are its texels and the [depths](half_depths)
+/// that they were tested against `[h, w]`, `depths` those of the pixels themselves. Depths that differ by much
+/// more than x d + y, with x and y those of `limit`, at depth d are those of two surfaces. Pixels of depth 1
+/// and nearer are empty.
 ///
 /// # Panics
 /// If there are fewer texels or depths than pixels.

@@ -208,8 +208,9 @@ impl<'a> Projection<'a> {
 /// covariance C sums to 2 pi o sqrt(det C), so o is scaled by sqrt(det C / det (C + 0.3 I)). Below 1, and 0 for
 /// a splat without area.
 ///
-/// With the determinant before the low-pass, this is the 2D filter of Yu et al., "Mip-Splatting" (2024), as gsplat's rasterize mode `antialiased`
-/// computes it. The determinants are positive sums, so neither is below 0.
+/// With the determinant before the low-pass, this is the 2D filter of Yu et al., "Mip-Splatting" (2024), as
+/// gsplat's rasterize mode `antialiased` computes it. The determinants are positive sums, so neither is below
+/// 0.
 fn compensation(det_before: f32, det: f32) -> f32 {
     (det_before / det).sqrt()
 }

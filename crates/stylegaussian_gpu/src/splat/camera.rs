@@ -44,13 +44,14 @@ impl Camera {
         }
     }
 
-    /// The camera of the same picture at half its width and height, rounded up, at the target's top left corner.
-    /// Each pixel stands for two by two; the last ones of an odd width or height reach beyond the picture.
+    /// The camera of the same picture at half its width and height, rounded up, at the target's top left
+    /// corner. Each pixel stands for two by two; the last ones of an odd width or height reach beyond the
+    /// picture.
     pub(super) fn halved(&self) -> Self {
         let size = UVec2::new(self.viewport.z, self.viewport.w);
         let half = half_size(size);
-        // The share of the larger picture that this one takes, from the top left: ndc x becomes (x + 1) share - 1,
-        // and y becomes 1 - (1 - y) share.
+        // The share of the larger picture that this one takes, from the top left: ndc x becomes (x + 1) share -
+        // 1, and y becomes 1 - (1 - y) share.
         let share = size.as_vec2() / (2 * half).as_vec2();
         let onto = Mat4::from_cols(
             Vec4::new(share.x, 0.0, 0.0, 0.0),

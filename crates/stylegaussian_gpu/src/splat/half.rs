@@ -88,8 +88,8 @@ impl HalfUniforms {
         Self { buffer, written: None }
     }
 
-    /// Uploads the place of the picture and what is one surface for `camera`, that of the whole picture, if they
-    /// changed.
+    /// Uploads the place of the picture and what is one surface for `camera`, that of the whole picture, if
+    /// they changed.
     pub fn write(&mut self, queue: &wgpu::Queue, camera: &Camera) -> &wgpu::Buffer {
         let viewport = camera.viewport.as_vec4().to_array();
         let limit = camera.depth_across_pixel().map(|x| STEEPEST * x);

@@ -46,8 +46,8 @@ impl SplatSettings {
 /// Splats that weak GPUs leave out. By default, none are.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SplatCuts {
-    /// Splats of a smaller radius are left out, in pixels of the whole picture: the root of the sum of the variances along x and y,
-    /// before the low-pass.
+    /// Splats of a smaller radius are left out, in pixels of the whole picture: the root of the sum of the
+    /// variances along x and y, before the low-pass.
     pub least_radius: f32,
     /// Splats of less opacity are left out, 0..1. Those under 1/255 always are.
     pub least_opacity: f32,

@@ -57,8 +57,8 @@ pub struct StyleVolume {
     /// Changes of all strokes within, those of the volume's own style too. With them, a volume without a style
     /// leaves the styles that are there, instead of showing captured colors. `None` by default.
     pub strokes: Option<VolumeStrokes>,
-    /// The light on all splats within, whatever their style, as [`SplatTint`] changes that of an entity. Tints of
-    /// volumes that overlap multiply, and so do those of entities; a soft edge has a part of the tint. Like
+    /// The light on all splats within, whatever their style, as [`SplatTint`] changes that of an entity. Tints
+    /// of volumes that overlap multiply, and so do those of entities; a soft edge has a part of the tint. Like
     /// `strokes`, it leaves the styles that are there if the volume has none. It does not follow
     /// [`mask`](Self::mask): a volume that does, tints nothing. At most 16 volumes tint an entity, those of the
     /// highest priority. `None` by default, which costs nothing.

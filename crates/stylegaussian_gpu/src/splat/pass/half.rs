@@ -13,8 +13,8 @@ use crate::splat::{
 };
 
 impl SplatPass {
-    /// Compiles what [`draw_half_layer`](Self::draw_half_layer) needs, in any thread, while others draw. Without
-    /// this call, the first such frame compiles it.
+    /// Compiles what [`draw_half_layer`](Self::draw_half_layer) needs, in any thread, while others draw.
+    /// Without this call, the first such frame compiles it.
     pub fn prepare_half(&self, device: &wgpu::Device) {
         self.half.get_or_init(|| Half::new(device));
     }
