@@ -1,8 +1,8 @@
-//! Light and air: the panel's section for them, and what it changes.
+//! Light, air, and the size at which splats are drawn: the panel's section for them, and what it changes.
 
 use bevy::prelude::*;
-use bevy_egui::egui::{Grid, Slider, Ui};
-use bevy_stylegaussian::{GaussianSplats, SplatTint};
+use bevy_egui::egui::{Checkbox, Grid, Slider, Ui};
+use bevy_stylegaussian::{GaussianSplats, SplatCuts, SplatTint};
 use stylegaussian_app::Orbit;
 
 use crate::scene::ShownScene;
@@ -18,11 +18,13 @@ pub struct Light {
     saturation: f32,
     /// Density of the fog over the radius of the scene.
     fog: f32,
+    /// Whether splats are drawn at half the width and height.
+    half_size: bool,
 }
 
 impl Default for Light {
     fn default() -> Self {
-        Self { exposure: 0.0, saturation: 1.0, fog: 0.0 }
+        Self { exposure: 0.0, saturation: 1.0, fog: 0.0, half_size: false }
     }
 }
 
@@ -38,6 +40,9 @@ pub fn draw(ui: &mut Ui, light: &mut Light) {
             ui.end_row();
             ui.label("fog").on_hover_text("how dense the air is before it");
             ui.add(Slider::new(&mut light.fog, 0.0..=1.0).fixed_decimals(2));
+            ui.end_row();
+            ui.label("size").on_hover_text("for weak GPUs: a quarter of the pixels");
+            ui.add(Checkbox::new(&mut light.half_size, "half"));
             ui.end_row();
         });
     });
@@ -59,6 +64,7 @@ pub fn show(
     let tint = SplatTint { exposure: light.exposure, saturation: light.saturation, ..default() };
     commands.entity(*scene).insert(tint);
     let mut camera = commands.entity(*camera);
+    camera.insert(SplatCuts { half_size: light.half_size, ..default() });
     if light.fog > 0.0 {
         let density = light.fog / shown.framing.radius;
         let falloff = FogFalloff::ExponentialSquared { density };

@@ -117,6 +117,7 @@ fn strokes(ui: &mut Ui, volume: &mut Volume) {
     slider(ui, "x size", &mut strokes.stroke_scale, 0.25..=4.0);
     slider(ui, "x clear", &mut strokes.protection, 0.0..=5.0);
     slider(ui, "x relief", &mut strokes.relief, 0.0..=4.0);
+    slider(ui, "+ relief", &mut strokes.added_relief, 0.0..=4.0);
     ui.label("run");
     ui.horizontal(|ui| {
         for (direction, text) in crate::hand_panel::DIRECTIONS {

@@ -99,15 +99,9 @@ pub struct MixBlock {
     pub within: u32,
 }
 
-/// A kernel from the constants above, the regions, and its own file.
-fn source(label: &'static str, more: &str, kernel: &str) -> Source {
+/// The shapes of regions, which other kernels join, too.
+pub(crate) fn regions() -> String {
     let constants = constants(&[
-        ("MIX_BLOCK", MIX_BLOCK),
-        ("MIX_WORKGROUP", MIX_WORKGROUP),
-        ("MIX_LAYERS", MIX_LAYERS),
-        ("STARTS", STARTS),
-        ("NO_LOOK", NO_LOOK),
-        ("NO_MASK", NO_MASK),
         ("SHAPE_EVERYTHING", SHAPE_EVERYTHING),
         ("SHAPE_HALF_SPACE", SHAPE_HALF_SPACE),
         ("SHAPE_ELLIPSOID", SHAPE_ELLIPSOID),
@@ -117,7 +111,20 @@ fn source(label: &'static str, more: &str, kernel: &str) -> Source {
         ("SHAPE_CONE", SHAPE_CONE),
         ("SHAPE_TORUS", SHAPE_TORUS),
     ]);
-    let wgsl = [&constants, more, include_str!("../wgsl/mix_regions.wgsl"), kernel].join("\n");
+    constants + include_str!("../wgsl/regions.wgsl")
+}
+
+/// A kernel from the constants above, the regions, and its own file.
+fn source(label: &'static str, more: &str, kernel: &str) -> Source {
+    let constants = constants(&[
+        ("MIX_BLOCK", MIX_BLOCK),
+        ("MIX_WORKGROUP", MIX_WORKGROUP),
+        ("MIX_LAYERS", MIX_LAYERS),
+        ("STARTS", STARTS),
+        ("NO_LOOK", NO_LOOK),
+        ("NO_MASK", NO_MASK),
+    ]);
+    let wgsl = [&constants, more, &regions(), include_str!("../wgsl/mix_regions.wgsl"), kernel].join("\n");
     Source { label, wgsl }
 }
 

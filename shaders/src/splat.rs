@@ -10,12 +10,14 @@ use crate::{Layout, Source, float_constants, layout};
 
 mod composite;
 pub mod depth;
+pub mod half;
 pub mod light;
 pub mod strokes;
 
-pub use composite::{CompositeKind, SplatComposite, SplatEdges, composite, edges};
+use self::half::SplatHalf;
+pub use composite::{CompositeKind, SplatComposite, SplatEdges, composite, edges, lift};
 use depth::SplatIso;
-use strokes::{StrokeChange, StrokeChunk, StrokeDraw, StrokeMotion};
+use strokes::{CurvePoint, StrokeChange, StrokeChunk, StrokeDraw, StrokeMotion};
 
 /// Invocations in a workgroup of every kernel of the pass.
 pub const WORKGROUP: u32 = 256;
@@ -53,6 +55,8 @@ pub const ANTIALIASED: u32 = 8;
 pub const CROPPED: u32 = 16;
 /// `SplatChunk::flags`: what lies before the near plane is not culled, and has a depth above 1.
 pub const UNCLIPPED: u32 = 32;
+/// `SplatChunk::flags`: splats keep the sums that they have in a picture of twice the width and height.
+pub const HALF_SIZE: u32 = 64;
 
 /// `mode` of the composite: the layer as it is.
 pub const MODE_ENCODED: u32 = 0;
@@ -110,6 +114,7 @@ fn constants() -> String {
         ("ANTIALIASED", ANTIALIASED),
         ("CROPPED", CROPPED),
         ("UNCLIPPED", UNCLIPPED),
+        ("HALF_SIZE", HALF_SIZE),
         ("MODE_ENCODED", MODE_ENCODED),
         ("MODE_LINEAR", MODE_LINEAR),
         ("MODE_REINHARD", MODE_REINHARD),
@@ -265,6 +270,7 @@ pub fn sources() -> Vec<Source> {
         composite(CompositeKind::Single),
         composite(CompositeKind::Multi),
         composite(CompositeKind::Resolved),
+        lift(),
         edges(false),
         edges(true),
         inverse_table(),
@@ -279,6 +285,8 @@ pub fn sources() -> Vec<Source> {
         depth::slices_draw(),
         depth::slices_cross(),
         depth::write(),
+        half::depth(),
+        half::upsample(),
     ]
 }
 
@@ -324,7 +332,8 @@ pub fn layouts() -> Vec<Layout> {
         layout!(SplatTiles { viewport, n_tiles, capacity, padding }),
         layout!(RunProgress { n_splats, n_tiles }),
         layout!(SplatComposite { exposure }),
-        layout!(SplatIso { viewport, threshold, slice, padding_0, padding_1 }),
+        layout!(SplatIso { viewport, place, step, threshold, slice, padding_0, padding_1, padding_2 }),
+        layout!(SplatHalf { viewport, limit, padding }),
         layout!(SplatEdges { limit }),
         layout!(StrokeChunk {
             chunk,
@@ -341,7 +350,20 @@ pub fn layouts() -> Vec<Layout> {
             motions,
             changes,
         }),
-        layout!(StrokeChange { direction, first, gain, stroke_scale, relief, motion }),
+        layout!(CurvePoint { at, padding_0, toward, padding_1 }),
+        layout!(StrokeChange {
+            direction,
+            first,
+            gain,
+            stroke_scale,
+            relief,
+            motion,
+            added_relief,
+            n_points,
+            padding_0,
+            padding_1,
+            points,
+        }),
         layout!(StrokeMotion { toward, first, end, kind, phase, amount }),
         layout!(StrokeSeed { at, pitch, rotation_xy, rotation_z_aspect, place, look }),
         layout!(StrokeDraw { near, n_lights, is_stable, scale_octaves }),
@@ -387,7 +409,7 @@ pub struct SplatChunk {
     pub first_record: u32,
     /// Degree of the spherical harmonics, or [`NO_SH`].
     pub sh_degree: u32,
-    /// [`CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`], [`CROPPED`], [`UNCLIPPED`].
+    /// [`CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`], [`CROPPED`], [`UNCLIPPED`], [`HALF_SIZE`].
     pub flags: u32,
     /// Position of the mask's channel in a word, in bits.
     pub mask_shift: u32,

@@ -6,14 +6,19 @@
 
 /// The uniforms of all kernels.
 struct SplatIso {
-    /// Left, top, width and height of the viewport, in pixels of the target.
+    /// Left, top, width and height of the viewport that splats are drawn in, in its own pixels.
     viewport: vec4<f32>,
+    /// Left and top of the picture in the depth attachment, in pixels of that.
+    place: vec2<f32>,
+    /// Pixels of the attachment along a side of one of the viewport.
+    step: f32,
     /// Share of the light, 0.02..1.
     threshold: f32,
     /// The slice that is drawn.
     slice: u32,
     padding_0: u32,
     padding_1: u32,
+    padding_2: u32,
 }
 
 /// Where a pixel, counted from the corner of the viewport, is in the buffer.

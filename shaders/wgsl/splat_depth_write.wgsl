@@ -13,7 +13,7 @@ fn splat_depth_write_vertex(@builtin(vertex_index) corner: u32) -> @builtin(posi
 
 @fragment
 fn splat_depth_write_fragment(@builtin(position) position: vec4<f32>) -> @builtin(frag_depth) f32 {
-    let depth = iso_depths[place_of(vec2<u32>(position.xy - iso.viewport.xy), iso)];
+    let depth = iso_depths[place_of(vec2<u32>((position.xy - iso.place) / iso.step), iso)];
     if depth <= 0.0 {
         discard;
     }

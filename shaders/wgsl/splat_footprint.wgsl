@@ -10,6 +10,8 @@
 /// Variance added to the diagonal of every 2D covariance, in px^2, so that no splat is thinner than about a
 /// pixel.
 const LOW_PASS: f32 = 0.3;
+/// The low-pass of pixels of half the size.
+const HALF_LOW_PASS: f32 = 0.25 * LOW_PASS;
 /// Distance from the image axis, in half pictures, up to which the projection is linearized at the mean itself.
 /// Beyond, the linearization at the mean stretches splats without bound; that of this distance is used instead
 /// (as in the original).
@@ -75,10 +77,14 @@ fn project(gaussian: PackedGaussian) -> Projected {
     let det_before = dot(normal, normal);
     let det = det_before + LOW_PASS * (a + c - LOW_PASS);
     var opacity = gaussian.opacity;
-    if (chunk.flags & ANTIALIASED) != 0u {
-        // The sum of a splat is proportional to its opacity and the root of its determinant, and stays as it
-        // was before the low-pass (Yu et al., "Mip-Splatting", 2024).
-        opacity *= sqrt(det_before / det);
+    if (chunk.flags & (ANTIALIASED | HALF_SIZE)) != 0u {
+        // The sum of a splat is proportional to its opacity and the root of its determinant. It stays as it was
+        // before the low-pass (Yu et al., "Mip-Splatting", 2024), or as it is in the whole picture.
+        var kept = det_before;
+        if (chunk.flags & ANTIALIASED) == 0u {
+            kept += HALF_LOW_PASS * (variances.x + variances.y + HALF_LOW_PASS);
+        }
+        opacity *= sqrt(kept / det);
         if !(opacity >= least_opacity) {
             return out;
         }

@@ -1,6 +1,6 @@
-// Changes the colors of records by light and air: the tint of their cloud, shadows on them, and the fog before
-// them. One invocation per record of one cloud, after `splat_project` and `splat_strokes`. CPU twin:
-// `stylegaussian::light::Lit`, which has the equation.
+// Changes the colors of records by light and air: the tints of their cloud and of volumes, shadows on them, and
+// the fog before them. One invocation per record of one cloud, after `splat_project` and `splat_strokes`. CPU
+// twin: `stylegaussian::light::Lit`, which has the equation.
 
 /// A directional light in fog.
 struct FogSun {
@@ -10,6 +10,26 @@ struct FogSun {
     /// The light that it adds to the fog's color where the eye looks into it, linear.
     glow: vec3<f32>,
     padding_1: f32,
+}
+
+/// A tint within a region.
+struct TintVolume {
+    /// Rows of the shape's space from view.
+    shape_from_view_x: vec4<f32>,
+    shape_from_view_y: vec4<f32>,
+    shape_from_view_z: vec4<f32>,
+    /// Sizes of the shape, in the order of their names in `Shape`.
+    sizes: vec4<f32>,
+    /// Rows of the difference that it makes to linear colors; the fourth number is not used.
+    red: vec4<f32>,
+    green: vec4<f32>,
+    blue: vec4<f32>,
+    /// One of the `SHAPE_` constants.
+    shape: u32,
+    softness: f32,
+    /// 1 / softness, or 0 for a hard edge.
+    inverse_softness: f32,
+    padding: u32,
 }
 
 /// The light on one cloud as one camera sees it.
@@ -38,6 +58,8 @@ struct SplatLight {
     /// Exponent of the glow.
     exponent: f32,
     suns: array<FogSun, MAX_SUNS>,
+    /// Volumes that tint the cloud, one after another.
+    volumes: array<TintVolume, MAX_TINT_VOLUMES>,
     /// Suns that count.
     n_suns: u32,
     /// Index of the cloud's first record.
@@ -50,8 +72,9 @@ struct SplatLight {
     exposure: f32,
     /// Share of its light that the cloud loses in shadow.
     shadow_amount: f32,
-    padding_0: u32,
-    padding_1: u32,
+    /// Volumes that count.
+    n_volumes: u32,
+    padding: u32,
 }
 
 @group(0) @binding(0) var<uniform> light: SplatLight;
@@ -71,6 +94,11 @@ override curve: u32;
 
 /// The largest color that a record holds, the largest f16.
 const MAX_COLOR: f32 = 65504.0;
+
+/// The rows of the tint of the record at hand.
+var<private> tint_red: vec3<f32>;
+var<private> tint_green: vec3<f32>;
+var<private> tint_blue: vec3<f32>;
 
 /// The tint, shadow and air between the light, a splat and the eye.
 struct Air {
@@ -144,13 +172,39 @@ fn shown(linear: vec3<f32>) -> vec3<f32> {
     return srgb_from_linear(saturate(mapped));
 }
 
-/// The cloud's tint of a linear color.
-fn tinted(linear: vec3<f32>) -> vec3<f32> {
-    return vec3(
-        dot(light.tint_red.xyz, linear),
-        dot(light.tint_green.xyz, linear),
-        dot(light.tint_blue.xyz, linear),
+/// The weight of a volume at a point of view space.
+fn volume_weight(volume: u32, point: vec3<f32>) -> f32 {
+    if light.volumes[volume].shape == SHAPE_EVERYTHING {
+        return 1.0;
+    }
+    let from = vec4(point, 1.0);
+    let at = vec3(
+        dot(light.volumes[volume].shape_from_view_x, from),
+        dot(light.volumes[volume].shape_from_view_y, from),
+        dot(light.volumes[volume].shape_from_view_z, from),
     );
+    let distance = shape_distance(light.volumes[volume].shape, light.volumes[volume].sizes, at);
+    return weight_at(distance, light.volumes[volume].softness, light.volumes[volume].inverse_softness);
+}
+
+/// Finds the tint at a point of view space. CPU twin: `stylegaussian::light::tint_at`.
+fn find_tint(point: vec3<f32>) {
+    tint_red = light.tint_red.xyz;
+    tint_green = light.tint_green.xyz;
+    tint_blue = light.tint_blue.xyz;
+    for (var i = 0u; i < light.n_volumes; i++) {
+        let weight = volume_weight(i, point);
+        let below = mat3x3(tint_red, tint_green, tint_blue);
+        // Rows of a product are products of rows.
+        tint_red += weight * (below * light.volumes[i].red.xyz);
+        tint_green += weight * (below * light.volumes[i].green.xyz);
+        tint_blue += weight * (below * light.volumes[i].blue.xyz);
+    }
+}
+
+/// The tint of a linear color.
+fn tinted(linear: vec3<f32>) -> vec3<f32> {
+    return vec3(dot(tint_red, linear), dot(tint_green, linear), dot(tint_blue, linear));
 }
 
 /// The color of a splat of this one behind `air`.
@@ -191,7 +245,9 @@ fn splat_light(
         return;
     }
     var splat = unpacked(geometry_halves[record], color_halves[record]);
-    let air = air_along(seen_at(splat));
+    let seen = seen_at(splat);
+    find_tint(seen);
+    let air = air_along(seen);
     let before = splat.color;
     // WGSL leaves packing of larger numbers to f16 undefined.
     splat.color = clamp(lit(before, air), vec3(-MAX_COLOR), vec3(MAX_COLOR));

@@ -119,19 +119,22 @@ fn gains_of(word: u32, seed: StrokeSeed) -> vec2<f32> {
 /// The seed that a word names, and what is changed of it.
 fn changed_seed(word: u32) -> ChangedSeed {
     let number = word & ((1u << SEED_BITS) - 1u);
-    var changed = ChangedSeed(number, OWN_MOTION, vec3(0.0), 1.0, 1.0, 1.0);
+    var changed = ChangedSeed(number, OWN_MOTION, vec3(0.0), 1.0, 1.0, 1.0, 0.0, MAX_CHANGES);
     // Without changes, not a step of it.
     for (var i = 0u; i < uniforms.n_changes; i++) {
         if changed.number >= uniforms.changes[i].first {
             changed.number -= uniforms.changes[i].first;
             changed.gain *= uniforms.changes[i].gain;
             changed.stroke_scale *= uniforms.changes[i].stroke_scale;
+            // The changes above have multiplied this one's, too.
+            changed.added_relief += changed.relief * uniforms.changes[i].added_relief;
             changed.relief *= uniforms.changes[i].relief;
             if changed.motion == OWN_MOTION {
                 changed.motion = uniforms.changes[i].motion;
             }
-            if all(changed.direction == vec3(0.0)) {
+            if changed.curve == MAX_CHANGES && all(changed.direction == vec3(0.0)) {
                 changed.direction = uniforms.changes[i].direction;
+                changed.curve = select(MAX_CHANGES, i, uniforms.changes[i].n_points > 0u);
             }
         }
     }
@@ -150,8 +153,12 @@ fn seed_now(changed: ChangedSeed, seed: StrokeSeed) -> MovedSeed {
     let right = rotated(turn, vec3(1.0, 0.0, 0.0));
     let down = rotated(turn, vec3(0.0, 1.0, 0.0));
     var now = MovedSeed(right, down, vec2(0.0), 1.0);
-    if any(changed.direction != vec3(0.0)) {
-        now = turned(now, stroke_of(seed), changed.direction);
+    var toward = changed.direction;
+    if changed.curve < MAX_CHANGES {
+        toward = along_curve(changed.curve, seed.at);
+    }
+    if any(toward != vec3(0.0)) {
+        now = turned(now, stroke_of(seed), toward);
     }
     // Without motions, not a step of it: software adapters skip nothing but iterations.
     for (var i = 0u; i < uniforms.n_motions; i++) {
@@ -277,11 +284,12 @@ fn relief_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     // A product from the left is that with the transpose.
     let light = uniforms.light * axes;
     let middle = half_way * axes;
+    let strength = uniforms.relief * changed.relief + changed.added_relief;
     return vec4(
         pack2x16snorm(light.xy),
         pack2x16snorm(vec2(light.z, middle.z)),
         pack2x16snorm(middle.xy),
-        pack2x16float(vec2(uniforms.relief * changed.relief, unpack2x16float(seed.rotation_z_aspect).y)),
+        pack2x16float(vec2(strength, unpack2x16float(seed.rotation_z_aspect).y)),
     );
 }
 

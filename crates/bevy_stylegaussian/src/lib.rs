@@ -88,7 +88,7 @@ mod systems;
 mod tests;
 mod work;
 
-pub use colors::GaussianSceneReady;
+pub use colors::{GaussianSceneReady, SplatTint};
 #[doc(inline)]
 pub use mask::{MaskVisibility, StyleMask};
 #[cfg(feature = "meshes")]
@@ -99,7 +99,7 @@ pub use plugin::StyleGaussianPlugin;
 #[doc(inline)]
 pub use scene::{FitScene, GaussianScene, GaussianSceneFailed, GaussianSplats};
 pub use splats::{
-    SplatCaster, SplatCuts, SplatDepth, SplatEyes, SplatShadows, SplatSortKey, SplatTint, SplatTonemapping,
+    SplatCaster, SplatCuts, SplatDepth, SplatEyes, SplatShadows, SplatSortKey, SplatTonemapping,
 };
 #[cfg(feature = "refine")]
 #[doc(inline)]

@@ -1,5 +1,5 @@
 //! Light and air: what changes the color of a splat that is drawn as captured or styled. A [`Tint`] of its
-//! cloud, shadows on it, and the [`Fog`] before it.
+//! cloud, those of the volumes that it is in, shadows on it, and the [`Fog`] before it.
 //!
 //! Splats have display-referred colors. Light is linear, before a camera's exposure and tone mapping, and so is
 //! a mesh's. With D the [`Display`] of a scene color, M the tint, s the share of the light that is not in
@@ -20,10 +20,12 @@ mod lamp;
 mod shadow;
 #[cfg(test)]
 mod tests;
+mod volume;
 
 pub use display::{BRIGHTEST_SHOWN, Curve, Display, KNEE};
 pub use lamp::{Cone, MAX_LAMPS, ShadowLamp};
 pub use shadow::{MAX_CASCADES, ShadowCascade, in_shadow};
+pub use volume::{MAX_TINT_VOLUMES, TintVolume, tint_at};
 
 /// Weights of red, green and blue in luminance, by Rec. 709, for linear colors.
 pub const LINEAR_LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
@@ -190,7 +192,7 @@ pub fn steepness(start: f32, end: f32) -> f32 {
 /// The light on a splat, and the way in which its camera shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lit {
-    /// The tint as [`Tint::matrix`] gives it.
+    /// The tint as [`Tint::matrix`] or [`tint_at`] give it.
     pub tint: Mat3,
     /// Share of the light that reaches the splat: see [`in_shadow`].
     pub shade: f32,

@@ -14,14 +14,15 @@
 //!
 //! The stages, one module each: `project` (cull, project, sort by depth), `bands` (list the splats of each
 //! tile), `composite` (blend one tile), `weights` (keep the blend weights in place of a picture). `iso` finds
-//! how far away the surface is, and `cast` what casts shadows. `alpha` holds the limits that they share, and
-//! `bounds` the box around all that is drawn.
+//! how far away the surface is, `cast` what casts shadows, and `half` draws at half the width and height. `alpha`
+//! holds the limits that they share, and `bounds` the box around all that is drawn.
 
 mod alpha;
 mod bands;
 mod bounds;
 mod cast;
 mod composite;
+mod half;
 mod iso;
 mod project;
 mod weights;
@@ -32,6 +33,7 @@ mod tests;
 use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
+pub use self::half::{half_depths, half_size, render_half, upsampled};
 use crate::{
     camera::Camera,
     mask::Visibility,
@@ -46,7 +48,7 @@ pub use cast::{CAST_THRESHOLD, cast, cast_threshold};
 use composite::{GROUP, GROUPS, TILE};
 pub use iso::{ISO_THRESHOLD, iso_depth, iso_threshold};
 pub(crate) use project::Projection;
-use project::{Splat, project};
+use project::{Splat, project, project_with};
 pub use weights::BlendWeights;
 
 /// The colors that a scene is drawn with.
@@ -105,7 +107,7 @@ pub fn render_visible(
     camera: &Camera,
     visibility: Option<&Visibility>,
 ) -> RenderedImage {
-    draw(scene, colors, None, camera, visibility)
+    draw(scene, colors, None, (camera, false), visibility)
 }
 
 /// Draws `scene` with `strokes` over its colors.
@@ -120,19 +122,20 @@ pub fn render_strokes(
     camera: &Camera,
     visibility: Option<&Visibility>,
 ) -> RenderedImage {
-    draw(scene, colors, Some(strokes), camera, visibility)
+    draw(scene, colors, Some(strokes), (camera, false), visibility)
 }
 
+/// Draws with a camera, whose picture may be one of [`half`] the size.
 fn draw(
     scene: &Scene,
     colors: Colors,
     strokes: Option<(&Strokes, &StrokeKnobs)>,
-    camera: &Camera,
+    (camera, is_half): (&Camera, bool),
     visibility: Option<&Visibility>,
 ) -> RenderedImage {
     assert!(colors.len().is_none_or(|n| n == scene.len()), "one color per Gaussian");
     assert!(visibility.is_none_or(|mask| mask.weights.len() == scene.len()), "one weight per Gaussian");
-    let splats = project(scene, camera, visibility);
+    let splats = project_with(&Projection { is_half, ..Projection::new(camera) }, scene, visibility);
     let colors = splat_colors(scene, colors, camera, &splats);
     let records = strokes.map(|(strokes, knobs)| stroke_records(scene, strokes, knobs, camera, &splats));
     let reliefs = strokes.map(|(strokes, knobs)| reliefs(scene, strokes, knobs, camera, &splats));

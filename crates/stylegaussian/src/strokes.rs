@@ -19,6 +19,7 @@
 //! to the splat's color. Nothing here knows how seeds, gains and textures are found: see
 //! [`paint`](crate::paint). The kernel is `splat_strokes`.
 
+mod curve;
 mod factors;
 mod knobs;
 mod mix;
@@ -32,6 +33,8 @@ mod stable;
 mod tests;
 mod texture;
 
+pub use curve::{MAX_CURVE_POINTS, StrokeCurve};
+pub(crate) use curve::{along_curve, step};
 pub use factors::{IN_PLANE, StrokeFactors};
 pub use knobs::StrokeKnobs;
 pub use mix::{EDGE, StrokeLayer, mix_strokes, mixed};

@@ -35,6 +35,7 @@ use glam::{UVec2, Vec3};
 pub use crate::bulk::bounds_without_backdrop;
 use candidates::Candidate;
 use coverage::TestViews;
+pub use eye::Eye;
 use survey::{Framed, N_STAND_IN, Survey};
 
 /// Factor by which test views within a place must show more than those around it. A closed shell shows the same
@@ -130,6 +131,9 @@ pub struct Framing {
     pub up: Vec3,
     /// The number of Gaussians that are left out: a backdrop, and surroundings that the ball does not hold.
     pub n_left_out: usize,
+    /// The spot from which the capture was made, if it was made from about one spot within. A camera shows such
+    /// a place from there.
+    pub eye: Option<Eye>,
 }
 
 /// The part of `scene` that [`choose_views`] and [`orbit`] frame, or `None` if nothing of it is visible.
@@ -145,7 +149,7 @@ pub fn framing(scene: &Scene) -> Option<Framing> {
             before_backdrop(scene).map_or(0, |(middle, limit)| count(&|mean| mean.distance(middle) >= limit))
         }
     };
-    Some(Framing { frame, up: survey.up, n_left_out })
+    Some(Framing { frame, up: survey.up, n_left_out, eye: survey.eye })
 }
 
 fn cameras(candidates: Vec<Candidate>, size: UVec2) -> Vec<Camera> {

@@ -22,11 +22,13 @@ pub struct Orbit {
     pitch: f32,
     /// The near plane.
     near: f32,
+    /// Whether turning turns the eye and not the scene.
+    is_within: bool,
 }
 
 impl Default for Orbit {
     fn default() -> Self {
-        Self { target: Vec3::ZERO, distance: 10.0, yaw: 0.0, pitch: 0.35, near: NEAR }
+        Self { target: Vec3::ZERO, distance: 10.0, yaw: 0.0, pitch: 0.35, near: NEAR, is_within: false }
     }
 }
 
@@ -38,6 +40,22 @@ impl Orbit {
         let half_angle = ((0.5 * FIELD_OF_VIEW).tan() * aspect.clamp(NARROWEST, 1.0)).atan();
         let distance = 0.85 * radius / half_angle.sin();
         Self { target: center, distance, near: NEAR * radius.min(1.0), ..default() }
+    }
+
+    /// Looks from within a place: from `eye` toward the side of `ahead`, level. `room` is the distance of what
+    /// is near, in world units. From then on, turning looks around.
+    pub fn within(eye: Vec3, ahead: Vec3, room: f32) -> Self {
+        let back = eye - ahead;
+        // The arc tangent of nothing is 0.
+        let orbit = Self {
+            distance: room,
+            yaw: back.x.atan2(back.z),
+            pitch: 0.0,
+            near: NEAR * room.min(1.0),
+            is_within: true,
+            ..default()
+        };
+        Self { target: eye - orbit.rotation() * Vec3::Z * room, ..orbit }
     }
 
     fn rotation(&self) -> Quat {
@@ -65,8 +83,17 @@ impl Orbit {
         Dir3::new(self.rotation() * Vec3::X).unwrap_or(Dir3::X)
     }
 
-    /// Turns around the target by angles in radians.
+    /// Turns around the target by angles in radians; from within a place, [looks](Self::look) around.
     pub fn turn(&mut self, yaw: f32, pitch: f32) {
+        if self.is_within {
+            self.look(yaw, pitch);
+        } else {
+            self.turn_around(yaw, pitch);
+        }
+    }
+
+    /// Turns around the target.
+    fn turn_around(&mut self, yaw: f32, pitch: f32) {
         self.yaw += yaw;
         // Not quite the poles, where left and right would swap.
         self.pitch = (self.pitch + pitch).clamp(0.01 - FRAC_PI_2, FRAC_PI_2 - 0.01);
@@ -75,7 +102,7 @@ impl Orbit {
     /// Looks around by angles in radians: the eye stays in its place, and the target moves around it.
     pub fn look(&mut self, yaw: f32, pitch: f32) {
         let eye = self.transform().translation;
-        self.turn(yaw, pitch);
+        self.turn_around(yaw, pitch);
         self.target = eye - self.rotation() * Vec3::Z * self.distance;
     }
 
@@ -144,6 +171,21 @@ mod tests {
             let found = Orbit::frame(Vec3::ZERO, radius, 1.0).near;
             assert!((found / near - 1.0_f32).abs() < 1e-6, "{radius}: {found}");
         }
+    }
+
+    /// A level view toward the middle, in which turning keeps the eye.
+    #[test]
+    fn a_view_from_within_looks_around() {
+        let (eye, ahead) = (Vec3::new(1.0, 1.6, -2.0), Vec3::new(4.0, 9.0, -2.0));
+        let mut orbit = Orbit::within(eye, ahead, 0.5);
+        assert!(orbit.transform().translation.distance(eye) < 1e-5);
+        assert!(orbit.transform().forward().distance(Vec3::X) < 1e-5);
+        assert!((orbit.near / (0.5 * NEAR) - 1.0).abs() < 1e-6);
+        orbit.turn(0.7, -0.3);
+        assert!(orbit.transform().translation.distance(eye) < 1e-5);
+        assert!(orbit.transform().forward().distance(Vec3::X) > 0.5);
+        // Straight above what it looks at, any direction will do.
+        assert!(Orbit::within(eye, eye - Vec3::Y, 1.0).transform().is_finite());
     }
 
     #[test]

@@ -36,6 +36,9 @@ pub struct Framing {
     pub center: Vec3,
     /// Radius of the bulk, in scene units.
     pub radius: f32,
+    /// The spot from which it was captured and the distance of what is near, in the scene's own axes and units,
+    /// if that spot is within.
+    pub eye: Option<(Vec3, f32)>,
 }
 
 impl Framing {
@@ -46,11 +49,13 @@ impl Framing {
         // Gaussians in one point have the size that they are drawn with.
         let sized = |bulk: [Vec3; 2]| if radius(bulk) > 0.0 { Some(bulk) } else { scene.splat_bounds() };
         let [min, max] = scene.bulk(OUTSIDE).and_then(sized).unwrap_or_default();
+        let framing = asset.framing();
         Self {
             // If nothing is visible: captures are usually in the axes of structure from motion, with y down.
-            up: asset.framing().map_or(scene.up.unwrap_or(Vec3::NEG_Y), |framing| framing.up),
+            up: framing.map_or(scene.up.unwrap_or(Vec3::NEG_Y), |framing| framing.up),
             center: (min + max) / 2.0,
             radius: if radius([min, max]) > 0.0 { radius([min, max]) } else { NOTHING },
+            eye: framing.and_then(|framing| framing.eye).map(|eye| (eye.at, eye.room)),
         }
     }
 
@@ -59,8 +64,12 @@ impl Framing {
         Quat::from_rotation_arc(self.up.normalize_or(Vec3::Y), Vec3::Y)
     }
 
-    /// The place of this camera from which it sees the scene whole.
+    /// The place of this camera from which it sees the scene whole; that of the capture if it was made within.
     pub fn orbit(&self, camera: &Camera) -> Orbit {
+        if let Some((eye, room)) = self.eye {
+            let upright = self.world_from_scene();
+            return Orbit::within(upright * eye, upright * self.center, room);
+        }
         // A camera that has not drawn yet has no size.
         let size = camera.logical_viewport_size().unwrap_or(Vec2::ONE);
         Orbit::frame(self.world_from_scene() * self.center, self.radius, size.x / size.y.max(1.0))
@@ -105,6 +114,38 @@ mod tests {
         assert!(orbit.distance() > framing.radius);
     }
 
+    /// Walls around a spot, of Gaussians that grow with the distance from it: the camera begins there, and
+    /// looks toward the middle.
+    #[test]
+    fn a_place_that_was_captured_from_within_is_entered() {
+        let at = Vec3::new(2.0, 1.6, 0.0);
+        let (mut means, mut scales) = (Vec::new(), Vec::new());
+        for i in 0..3000 {
+            // Directions on a spiral over the sphere.
+            let y = 1.0 - 2.0 * (i as f32 + 0.5) / 3000.0;
+            let (sin, cos) = (2.4 * i as f32).sin_cos();
+            let ray = Vec3::new((1.0 - y * y).sqrt() * cos, y, (1.0 - y * y).sqrt() * sin);
+            // Walls at 5 to either side of the origin, a floor at 0, and no roof: an empty sky.
+            let to = |side: f32, from: f32, along: f32| (side * along.signum() - from) / along;
+            let mut t = to(5.0, at.x, ray.x).min(to(5.0, at.z, ray.z));
+            if ray.y < 0.0 {
+                t = t.min(-at.y / ray.y);
+            }
+            if at.y + t * ray.y < 4.0 {
+                means.push(at + t * ray);
+                scales.push(Vec3::splat(0.02 * t));
+            }
+        }
+        let framing = framing_of(Scene { scales, up: Some(Vec3::Y), ..scene(means) });
+        let (eye, room) = framing.eye.unwrap();
+        assert!(eye.distance(at) < 1.0 && room > 0.0, "{eye} {room}");
+        let view = framing.orbit(&Camera::default()).transform();
+        assert!(view.translation.distance(eye) < 1e-4);
+        assert!(view.forward().dot(framing.center - eye) > 0.0 && view.forward().y.abs() < 1e-4);
+        let outside = framing_of(scene(vec![Vec3::ZERO, Vec3::ONE]));
+        assert_eq!(outside.eye, None);
+    }
+
     #[test]
     fn small_scenes_and_single_gaussians_are_framed() {
         let means = vec![Vec3::ZERO, Vec3::new(2e-4, 4e-4, 4e-4)];
@@ -119,7 +160,8 @@ mod tests {
     #[test]
     fn any_up_direction_and_an_empty_scene_are_framed() {
         let framing = framing_of(Scene { up: Some(Vec3::new(0.0, 0.0, 3.0)), ..Scene::default() });
-        assert_eq!(framing, Framing { up: Vec3::new(0.0, 0.0, 3.0), center: Vec3::ZERO, radius: 0.1 });
+        let up = Vec3::new(0.0, 0.0, 3.0);
+        assert_eq!(framing, Framing { up, center: Vec3::ZERO, radius: 0.1, eye: None });
         assert!((framing.world_from_scene() * Vec3::Z).distance(Vec3::Y) < 1e-6);
         assert_eq!(Framing::default().world_from_scene(), Quat::IDENTITY);
     }

@@ -36,6 +36,7 @@ pub mod device;
 pub mod layers;
 pub mod mask;
 pub mod needs;
+mod regions;
 pub mod splat;
 pub mod strokes;
 pub mod style;

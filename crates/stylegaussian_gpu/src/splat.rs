@@ -10,7 +10,8 @@
 //! 3. *draw* (`draw`): one indirect draw of quads, back to front, premultiplied over, into a *layer* of the
 //!    target's size. Splats blend there among themselves, display-referred. On software adapters a tiled
 //!    compute rasterizer (`tiles`) draws layers, four times as fast. Layers have one sample per pixel. For
-//!    targets with several, splats are drawn once more where meshes end (`edges`);
+//!    targets with several, splats are drawn once more where meshes end (`edges`). For weak GPUs, they are
+//!    drawn at half the width and height, and made whole by the depth of meshes (`half`);
 //! 4. *composite* (`composite`): puts the layer over the picture, in the picture's own space.
 //!
 //! Two eyes of one head share stages 1 and 2 (`eyes`): one kernel projects for both, from one order and one
@@ -39,8 +40,10 @@ mod draw;
 mod edges;
 mod error;
 mod eyes;
+mod half;
 mod headless;
 mod layer;
+mod lift;
 mod light;
 mod memory;
 mod pass;
@@ -55,6 +58,7 @@ mod tiles;
 mod tonemapping;
 mod view;
 
+pub use self::half::HalfLayer;
 pub use camera::Camera;
 pub use cast::{CastView, Caster, SHADOW_FORMAT};
 pub use cloud::{Cloud, CloudColors, CloudVisibility};
@@ -65,6 +69,7 @@ pub use edges::EdgeLayers;
 pub use error::SplatError;
 pub use headless::{Headless, HeadlessError, Picture};
 pub use layer::{LAYER_FORMAT, Layer};
+pub use lift::LiftPipeline;
 pub use light::{Shadows, ViewLight};
 pub use pass::SplatPass;
 pub(crate) use scene::Ball;

@@ -28,6 +28,11 @@ pub fn composite(kind: CompositeKind) -> Source {
     source("splat_composite", &[&[&light::twin_constants(), light::INVERSE, composite], target].concat())
 }
 
+/// Lifts what is exactly black before a tone mapping.
+pub fn lift() -> Source {
+    source("splat_lift", &[include_str!("../../wgsl/splat_lift.wgsl")])
+}
+
 /// The depth of meshes on the farther side of edges, or on the nearer side.
 pub fn edges(nearer: bool) -> Source {
     let edges = include_str!("../../wgsl/splat_edges.wgsl");

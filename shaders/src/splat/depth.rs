@@ -18,8 +18,12 @@ const SLICES: &str = include_str!("../../wgsl/splat_slices.wgsl");
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SplatIso {
-    /// Left, top, width and height of the viewport, in pixels of the target.
+    /// Left, top, width and height of the viewport that splats are drawn in, in its own pixels.
     pub viewport: [f32; 4],
+    /// Left and top of the picture in the depth attachment, in pixels of that.
+    pub place: [f32; 2],
+    /// Pixels of the attachment along a side of one of the viewport.
+    pub step: f32,
     /// Share of the light, 0.02..1.
     pub threshold: f32,
     /// The slice that is drawn.
@@ -28,6 +32,8 @@ pub struct SplatIso {
     pub padding_0: u32,
     /// Unused.
     pub padding_1: u32,
+    /// Unused.
+    pub padding_2: u32,
 }
 
 fn slice_constants() -> String {

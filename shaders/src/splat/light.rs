@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use stylegaussian::light as twin;
 
 use super::{RECORDS, source};
-use crate::{Layout, Source, constants, float_constants, layout};
+use crate::{Layout, Source, constants, float_constants, layers, layout};
 
 /// From display-referred colors to light.
 pub(super) const INVERSE: &str = include_str!("../../wgsl/splat_inverse.wgsl");
@@ -24,6 +24,19 @@ pub const FALLOFF_ATMOSPHERIC: u32 = 3;
 pub(super) fn layouts() -> Vec<Layout> {
     vec![
         layout!(FogSun { direction, padding_0, glow, padding_1 }),
+        layout!(TintVolume {
+            shape_from_view_x,
+            shape_from_view_y,
+            shape_from_view_z,
+            sizes,
+            red,
+            green,
+            blue,
+            shape,
+            softness,
+            inverse_softness,
+            padding,
+        }),
         layout!(SplatLight {
             view_from_clip_x,
             view_from_clip_y,
@@ -40,14 +53,15 @@ pub(super) fn layouts() -> Vec<Layout> {
             inscattering,
             exponent,
             suns,
+            volumes,
             n_suns,
             first_record,
             n_records,
             has_strokes,
             exposure,
             shadow_amount,
-            padding_0,
-            padding_1,
+            n_volumes,
+            padding,
         }),
         layout!(ShadowCascade {
             clip_from_view_x,
@@ -87,6 +101,34 @@ pub struct FogSun {
     pub padding_1: f32,
 }
 
+/// A tint within a region.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct TintVolume {
+    /// Rows of the shape's space from view.
+    pub shape_from_view_x: [f32; 4],
+    /// The second row.
+    pub shape_from_view_y: [f32; 4],
+    /// The third row.
+    pub shape_from_view_z: [f32; 4],
+    /// Sizes of the shape.
+    pub sizes: [f32; 4],
+    /// Rows of the difference that it makes to linear colors; the fourth number is not used.
+    pub red: [f32; 4],
+    /// The second row.
+    pub green: [f32; 4],
+    /// The third row.
+    pub blue: [f32; 4],
+    /// The shape, one of the `SHAPE_` constants of layers.
+    pub shape: u32,
+    /// Width of the edge.
+    pub softness: f32,
+    /// 1 / softness, or 0 for a hard edge.
+    pub inverse_softness: f32,
+    /// Unused.
+    pub padding: u32,
+}
+
 /// The light on one cloud as one camera sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -121,6 +163,8 @@ pub struct SplatLight {
     pub exponent: f32,
     /// Lights in the fog.
     pub suns: [FogSun; twin::MAX_SUNS],
+    /// Volumes that tint the cloud, one after another.
+    pub volumes: [TintVolume; twin::MAX_TINT_VOLUMES],
     /// Suns that count.
     pub n_suns: u32,
     /// Index of the cloud's first record.
@@ -133,10 +177,10 @@ pub struct SplatLight {
     pub exposure: f32,
     /// Share of its light that the cloud loses in shadow.
     pub shadow_amount: f32,
+    /// Volumes that count.
+    pub n_volumes: u32,
     /// Unused.
-    pub padding_0: u32,
-    /// Unused.
-    pub padding_1: u32,
+    pub padding: u32,
 }
 
 /// One shadow map, and the part of the view that it is for.
@@ -210,6 +254,7 @@ pub(super) fn twin_constants() -> String {
         ("MAX_SUNS", twin::MAX_SUNS as u32),
         ("MAX_CASCADES", twin::MAX_CASCADES as u32),
         ("MAX_LAMPS", twin::MAX_LAMPS as u32),
+        ("MAX_TINT_VOLUMES", twin::MAX_TINT_VOLUMES as u32),
     ]);
     let floats = float_constants(&[
         ("BRIGHTEST_SHOWN", twin::BRIGHTEST_SHOWN),
@@ -227,5 +272,6 @@ pub fn light(shadowed: bool) -> Source {
         true => include_str!("../../wgsl/splat_sunlit.wgsl"),
     };
     let kernel = include_str!("../../wgsl/splat_light.wgsl");
-    source("splat_light", &[&twin_constants(), RECORDS, INVERSE, TONEMAPPING, sun, kernel])
+    let (constants, regions) = (twin_constants(), layers::regions());
+    source("splat_light", &[&constants, &regions, RECORDS, INVERSE, TONEMAPPING, sun, kernel])
 }

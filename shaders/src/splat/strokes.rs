@@ -39,6 +39,20 @@ pub struct StrokeMotion {
     pub amount: f32,
 }
 
+/// A point of a curve that strokes run along.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct CurvePoint {
+    /// Its place, in scene space.
+    pub at: [f32; 3],
+    /// Unused.
+    pub padding_0: f32,
+    /// Unit direction of the curve there; 0 if it turns back.
+    pub toward: [f32; 3],
+    /// Unused.
+    pub padding_1: f32,
+}
+
 /// A change of the strokes in a part of the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -55,6 +69,16 @@ pub struct StrokeChange {
     pub relief: f32,
     /// Index of their motion, [`OWN_MOTION`] or [`NO_MOTION`].
     pub motion: u32,
+    /// Thickness of paint that is added to that below.
+    pub added_relief: f32,
+    /// Points of a curve, along which strokes run in place of the direction.
+    pub n_points: u32,
+    /// Unused.
+    pub padding_0: u32,
+    /// Unused.
+    pub padding_1: u32,
+    /// The points.
+    pub points: [CurvePoint; twin::MAX_CURVE_POINTS],
 }
 
 /// A chunk, and the factors that change without computing strokes anew.
@@ -113,6 +137,7 @@ pub(crate) fn twin_constants() -> String {
         ("KIND_FLOW", twin::KIND_FLOW),
         ("MAX_MOTIONS", MAX_MOTIONS as u32),
         ("MAX_CHANGES", MAX_CHANGES as u32),
+        ("MAX_CURVE_POINTS", twin::MAX_CURVE_POINTS as u32),
         ("OWN_MOTION", OWN_MOTION),
     ]);
     let floats = float_constants(&[

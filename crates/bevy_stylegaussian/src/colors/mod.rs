@@ -12,6 +12,8 @@
 //! move belongs to the layer, and the time is a uniform.
 //!
 //! A painting whose image changes while it is shown has its texture made anew ([`living`]).
+//!
+//! [`tint`]s change colors when they are drawn, for whole entities and for parts of them.
 
 use bevy::{
     core_pipeline::schedule::camera_driver,
@@ -36,8 +38,10 @@ mod ready;
 mod shown;
 mod strokes;
 mod styles;
+mod tint;
 
 pub use ready::GaussianSceneReady;
+pub use tint::SplatTint;
 
 pub(crate) use extract::{RenderColors, WantedColors};
 pub(crate) use layers::{ColorLayer, ColorLayers, LayerColors, Mix};
@@ -48,6 +52,7 @@ pub(crate) use mix::mix_colors;
 pub(crate) use shown::{PipelinesReady, ShownColors, update_colors};
 pub(crate) use strokes::{StrokeClock, StrokeTextures, StrokesReady};
 pub(crate) use styles::{ColorSource, FoldedStyle, StyleColors};
+pub(crate) use tint::TintedParts;
 
 /// Keeps the colors on the GPU up to date.
 pub(crate) struct ColorsPlugin;
@@ -57,9 +62,11 @@ impl Plugin for ColorsPlugin {
         let reports = Reports::<LivingReport>::default();
         app.init_resource::<WantedColors>()
             .init_resource::<LivingPaintings>()
+            .init_resource::<TintedParts>()
             .insert_resource(reports.clone())
             .add_message::<GaussianSceneReady>()
             .register_type::<GaussianSceneReady>()
+            .register_type::<SplatTint>()
             .register_required_components::<GaussianSplats, ColorLayers>();
         app.add_systems(
             PostUpdate,

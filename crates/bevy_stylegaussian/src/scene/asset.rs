@@ -82,8 +82,9 @@ impl GaussianScene {
         self.decoder.as_ref()
     }
 
-    /// The ball around the dense part of the scene and the scene's up direction, both in scene space, or `None`
-    /// if nothing of it is visible. [`FitScene`](super::FitScene) uses them.
+    /// The ball around the dense part of the scene, the scene's up direction, and the spot from which it was
+    /// captured if that is within, all in scene space, or `None` if nothing of it is visible.
+    /// [`FitScene`](super::FitScene) uses them.
     pub fn framing(&self) -> Option<Framing> {
         self.framing
     }

@@ -11,7 +11,9 @@ use super::{attach::LoadedScene, component::GaussianSplats};
 /// Captures have an unknown unit and origin, and most have y down. Up is what the file says, or else the
 /// direction that most of the scene's surfaces share. The ball is that of
 /// [`GaussianScene::framing`](super::GaussianScene::framing): neither floaters nor a background far away make
-/// the scene small.
+/// the scene small. A place that was captured from within is fitted into the ball like any other scene: a game
+/// that begins inside of it puts its camera at the [`eye`](stylegaussian::views::Framing::eye) of that framing,
+/// which this `Transform` maps into the parent's space.
 ///
 /// The `Transform` may be changed afterwards. A parent's turns and moves the scene as it is.
 ///
@@ -80,7 +82,7 @@ mod tests {
     fn a_scene_is_turned_upright_into_the_ball() {
         let frame = Frame { center: Vec3::new(10.0, -20.0, 30.0), radius: 4.0 };
         for up in [Vec3::NEG_Y, Vec3::Y, Vec3::Z, Vec3::new(0.1, -0.9, 0.3).normalize()] {
-            let framing = Framing { frame, up, n_left_out: 0 };
+            let framing = Framing { frame, up, n_left_out: 0, eye: None };
             let transform = FitScene::new(Vec3::new(1.0, 2.0, 3.0), 0.5).transform(framing);
             let close = |a: Vec3, b: Vec3| assert!(a.distance(b) < 1e-5, "{up}: {a} {b}");
             close(transform.transform_point(frame.center), Vec3::new(1.0, 2.0, 3.0));

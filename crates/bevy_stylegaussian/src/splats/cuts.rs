@@ -1,10 +1,10 @@
-//! Cuts: splats that weak GPUs leave out.
+//! Cuts: what weak GPUs leave out.
 
 use bevy::{prelude::*, render::extract_component::ExtractComponent};
 use stylegaussian_gpu::splat;
 
-/// Splats that a camera leaves out, so that a weak GPU draws fewer. Without this component, and by default, all
-/// are drawn. A component of the camera.
+/// What a camera leaves out, so that a weak GPU has less to draw. Without this component, and by default, all
+/// splats are drawn at the target's size. A component of the camera.
 #[derive(Component, ExtractComponent, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[extract_component_filter(With<Camera3d>)]
 #[require(Camera3d)]
@@ -17,12 +17,20 @@ pub struct SplatCuts {
     /// Splats of less opacity are left out, 0..1. Haze and soft edges go first. Splats under 1/255 are never
     /// drawn.
     pub least_opacity: f32,
+    /// Whether splats are drawn at half the width and height of the target: at a quarter of its pixels, and
+    /// once with MSAA, too. They become as soft as pixels of twice the size are, and keep their light; strokes
+    /// lose what is finer. Meshes keep their edges, before splats and behind them: each pixel takes the splats
+    /// of the surface that it shows. It takes a quarter more memory for layers, and one more pass over the
+    /// target, which is little beside splats that overlap many times. Depth of
+    /// [`SplatDepth`](crate::SplatDepth) has steps of two pixels. Of two [eyes](crate::SplatEyes), both have
+    /// it, or each is drawn by itself.
+    pub half_size: bool,
 }
 
 impl SplatCuts {
     /// The cuts as the splat pass takes them.
     pub(super) fn for_pass(self) -> splat::SplatCuts {
-        let Self { least_radius, least_opacity } = self;
+        let Self { least_radius, least_opacity, half_size: _ } = self;
         splat::SplatCuts { least_radius, least_opacity }
     }
 }

@@ -33,6 +33,11 @@ pub(super) struct Pair {
     pub(super) is_first: bool,
 }
 
+/// Whether a view is drawn at half the size.
+fn is_half(view: &ViewSplats) -> bool {
+    view.plan.is_some_and(|plan| plan.settings.half_size)
+}
+
 /// Pairs the views that `eyes` names: each view and the camera of its other eye. Both then show what either
 /// sees. Views without a plan stay alone.
 pub(super) fn pair(
@@ -45,6 +50,11 @@ pub(super) fn pair(
         let is_other = |key: &&RetainedViewEntity| key.main_entity.id() == camera && **key != own;
         let Some(other) = of_view.keys().find(is_other).copied() else { continue };
         if !is_free(of_view.get(&own)) || !is_free(of_view.get(&other)) {
+            continue;
+        }
+        // Both are projected by the settings of one.
+        let [own_is_half, other_is_half] = [&own, &other].map(|view| of_view.get(view).is_some_and(is_half));
+        if own_is_half != other_is_half {
             continue;
         }
         let own_is_first = own.main_entity < other.main_entity;

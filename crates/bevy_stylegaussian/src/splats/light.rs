@@ -1,4 +1,5 @@
-//! Light and air of splats: the tints of entities, shadows on them, and the fog of cameras.
+//! Light and air of splats: the tints of entities and of parts of them, shadows on them, and the fog of
+//! cameras.
 //!
 //! Views without either have nothing of it: no pipeline, no buffer, no dispatch.
 
@@ -16,56 +17,19 @@ use bevy::{
         view::{ExtractedView, RetainedViewEntity},
     },
 };
-use stylegaussian::light::Tint;
+use stylegaussian::light::{Tint, TintVolume};
 use stylegaussian_gpu::splat::{self, ViewLight};
 
-use crate::work::SynchronousCompilation;
+use crate::{
+    colors::{SplatTint, TintedParts},
+    work::SynchronousCompilation,
+};
 
 use super::{
     air::{CameraAir, GameLights},
     pipelines::{Luts, SplatPipelines},
     view,
 };
-
-/// Changes the colors of a [`GaussianSplats`](crate::GaussianSplats) in the same frame: darker at night, redder
-/// in the evening, gray where life has gone. A component of the entity, beside any style.
-///
-/// It works on linear light, before the exposure and the tone mapping of the camera: first the saturation, then
-/// the color, then the exposure. So it changes splats as another lamp changes an unlit mesh. Numbers that are
-/// not finite change nothing. Strokes lose or gain contrast with the colors below them.
-///
-/// ```
-/// # use bevy::prelude::*;
-/// # use bevy_stylegaussian::SplatTint;
-/// # fn system(mut commands: Commands, garden: Entity) {
-/// let dusk = SplatTint { color: Color::srgb(1.0, 0.7, 0.5), exposure: -1.5, ..default() };
-/// commands.entity(garden).insert(dusk);
-/// # }
-/// ```
-#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
-#[reflect(Component, Clone, Debug, Default, PartialEq)]
-pub struct SplatTint {
-    /// Factors of red, green and blue, as a linear color. White, the default, changes nothing; alpha is not
-    /// used.
-    pub color: Color,
-    /// Brightening in stops: 1 doubles the light, -1 halves it.
-    pub exposure: f32,
-    /// Distance from gray: 0 is gray, 1, the default, as it is, 2 twice as colorful.
-    pub saturation: f32,
-}
-
-impl Default for SplatTint {
-    fn default() -> Self {
-        Self { color: Color::WHITE, exposure: 0.0, saturation: 1.0 }
-    }
-}
-
-impl From<SplatTint> for Tint {
-    fn from(tint: SplatTint) -> Self {
-        let color = tint.color.to_linear().to_vec3();
-        Self { color, exposure: tint.exposure, saturation: tint.saturation }
-    }
-}
 
 /// Lets shadows fall on a [`GaussianSplats`](crate::GaussianSplats): splats in the shadow of meshes, and of
 /// splats with [`SplatCaster`](crate::SplatCaster), become darker, as a whole each. A component of the entity;
@@ -98,7 +62,11 @@ impl Default for SplatShadows {
 
 /// The light on all entities that have a tint or receive shadows.
 #[derive(Resource, Default)]
-pub(super) struct CloudLights(MainEntityHashMap<CloudLight>);
+pub(super) struct CloudLights {
+    of_all: MainEntityHashMap<CloudLight>,
+    /// Those that volumes tint in part.
+    volumes: MainEntityHashMap<Vec<TintVolume>>,
+}
 
 /// The light on an entity.
 #[derive(Clone, Copy, Default)]
@@ -114,9 +82,15 @@ type Lit = (Entity, Option<&'static SplatTint>, Option<&'static SplatShadows>);
 type IsLit = Or<(With<SplatTint>, With<SplatShadows>)>;
 
 /// Copies the light on entities.
-pub(super) fn extract_cloud_lights(mut clouds: ResMut<CloudLights>, all: Extract<Query<Lit, IsLit>>) {
-    clouds.0.clear();
-    clouds.0.extend(all.iter().map(|(entity, tint, shadows)| {
+pub(super) fn extract_cloud_lights(
+    mut clouds: ResMut<CloudLights>,
+    all: Extract<Query<Lit, IsLit>>,
+    parts: Extract<Res<TintedParts>>,
+) {
+    clouds.volumes.clear();
+    clouds.volumes.extend(parts.0.iter().map(|(&entity, volumes)| (entity.into(), volumes.clone())));
+    clouds.of_all.clear();
+    clouds.of_all.extend(all.iter().map(|(entity, tint, shadows)| {
         let tint = tint.copied().map(Tint::from).unwrap_or_default();
         let shadow_amount = shadows.map_or(0.0, |shadows| shadows.amount);
         (MainEntity::from(entity), CloudLight { tint, shadow_amount })
@@ -151,8 +125,9 @@ pub(super) fn prepare_lights(
     queue: Res<RenderQueue>,
 ) {
     lights.0.clear();
-    let has_tints = clouds.0.values().any(|cloud| cloud.tint.matrix().is_some());
-    let is_shadowed = clouds.0.values().any(|cloud| cloud.shadow_amount > 0.0);
+    let has_tints = clouds.of_all.values().any(|cloud| cloud.tint.matrix().is_some());
+    let has_tints = has_tints || !clouds.volumes.is_empty();
+    let is_shadowed = clouds.of_all.values().any(|cloud| cloud.shadow_amount > 0.0);
     let device = device.wgpu_device();
     for (entity, extracted, camera, tonemapping, layers, air) in &cameras {
         let fog = game.fog(air, layers, camera.exposure);
@@ -189,8 +164,12 @@ impl Lights<'_> {
     pub(super) fn of(&self, view: &RetainedViewEntity, clouds: &[MainEntity]) -> Option<ViewLight> {
         let light = self.of_view.0.get(view)?.clone();
         let lit: Vec<CloudLight> =
-            clouds.iter().map(|cloud| self.clouds.0.get(cloud).copied().unwrap_or_default()).collect();
+            clouds.iter().map(|cloud| self.clouds.of_all.get(cloud).copied().unwrap_or_default()).collect();
         Some(ViewLight {
+            volumes: clouds
+                .iter()
+                .map(|cloud| self.clouds.volumes.get(cloud).cloned().unwrap_or_default())
+                .collect(),
             tints: lit.iter().map(|cloud| cloud.tint).collect(),
             shadow_amounts: lit.iter().map(|cloud| cloud.shadow_amount).collect(),
             ..light

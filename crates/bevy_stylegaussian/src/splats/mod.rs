@@ -46,7 +46,7 @@ pub use caster::SplatCaster;
 pub use cuts::SplatCuts;
 pub use depth::SplatDepth;
 pub use eyes::SplatEyes;
-pub use light::{SplatShadows, SplatTint};
+pub use light::SplatShadows;
 
 #[cfg(test)]
 pub(crate) use held::Held;
@@ -69,7 +69,6 @@ impl Plugin for SplatsPlugin {
             .register_type::<SplatDepth>()
             .register_type::<SplatCuts>()
             .register_type::<SplatEyes>()
-            .register_type::<SplatTint>()
             .register_type::<SplatShadows>()
             .register_type::<SplatCaster>();
         // Apps without rendering, such as servers and tests, still load and style scenes.
@@ -125,6 +124,7 @@ impl Plugin for SplatsPlugin {
                         .before(main_transparent_pass_3d)
                         .in_set(Core3dSystems::MainPass)
                         .in_set(DrawsSplats),
+                    pass::lift_before_tonemapping.before(tonemapping).in_set(Core3dSystems::PostProcess),
                     // Tonemapping must not see these colors: they are display-referred already.
                     pass::composite_after_tonemapping.after(tonemapping).in_set(Core3dSystems::PostProcess),
                 ),

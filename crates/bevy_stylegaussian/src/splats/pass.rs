@@ -23,7 +23,7 @@ use super::{
     eyes::Pair,
     light::Lights,
     pipelines::{Ready, SplatPipelines},
-    view::{Layer, SplatViews, ViewSplats},
+    view::{SplatViews, ViewSplats, Whole},
 };
 
 /// Access to the GPU while encoding a view.
@@ -184,15 +184,23 @@ fn draw_layer(
     let Some((layer, buffers)) = splats.layer_and_buffers() else { return };
     let span = gpu.diagnostics.time_span(gpu.encoder, name);
     let (pass, depth) = (&ready.passes.splat, depth.view());
-    match layer {
-        Layer::Single(color, _) => {
+    let Gpu { device, queue, encoder, .. } = gpu;
+    match (&layer.whole, &layer.half) {
+        (Whole::Single(color, _), None) => {
             let layer = splat::Layer { color, depth: Some(depth) };
-            pass.draw_layer(gpu.device, gpu.queue, gpu.encoder, buffers, &layer, ready.draw);
+            pass.draw_layer(device, queue, encoder, buffers, &layer, ready.draw);
         }
-        Layer::Edges(layers) => {
+        (Whole::Single(color, _), Some(half)) => {
+            let target = (half, color, &**depth);
+            pass.draw_half_layer(device, queue, encoder, buffers, camera, target, ready.draw);
+        }
+        (Whole::Edges(layers), None) => {
             let target = (&**layers, &**depth);
-            let Gpu { device, queue, encoder, .. } = gpu;
             pass.draw_edge_layers(device, queue, encoder, buffers, camera, target, ready.draw);
+        }
+        (Whole::Edges(layers), Some(half)) => {
+            let target = (half, &**layers, &**depth);
+            pass.draw_half_edge_layers(device, queue, encoder, buffers, camera, target, ready.draw);
         }
     }
     span.end(gpu.encoder);
@@ -212,6 +220,40 @@ fn composite(gpu: &mut Gpu, ready: &Ready, splats: &ViewSplats, image: RenderPas
     span.end(gpu.encoder);
 }
 
+/// Lifts what is exactly black before tonemapping, by less than a screen shows, in views whose layer comes
+/// after a tonemapping that would make no number of it: a product with that is none either, whatever lies over
+/// it.
+///
+/// The mutable target keeps other systems away, as below.
+pub(super) fn lift_before_tonemapping(
+    view: ViewQuery<(&ExtractedView, &mut ViewTarget)>,
+    views: Res<SplatViews>,
+    pipelines: Res<SplatPipelines>,
+    mut context: RenderContext,
+) {
+    let (extracted, target) = view.into_inner();
+    let Some(splats) = views.get(&extracted.retained_view_entity) else { return };
+    let Some(plan) = splats.plan.filter(|plan| plan.lifts) else { return };
+    let Some(lift) = pipelines.lift(plan.composite.format) else { return };
+    let mut pass = context.command_encoder().begin_render_pass(&RenderPassDescriptor {
+        label: Some("splat_lift"),
+        color_attachments: &[Some(resolved(&target))],
+        ..default()
+    });
+    lift.draw(&mut pass);
+}
+
+/// The picture of one sample per pixel. The target's own attachment would be the multisampled texture, which
+/// effects after the main pass have left behind.
+fn resolved(target: &ViewTarget) -> RenderPassColorAttachment<'_> {
+    RenderPassColorAttachment {
+        view: target.main_texture_view(),
+        depth_slice: None,
+        resolve_target: None,
+        ops: Operations { load: LoadOp::Load, store: StoreOp::Store },
+    }
+}
+
 /// Composites the layer of a view that bypasses tonemapping.
 ///
 /// The mutable target keeps other systems away: effects after tonemapping swap its textures, which must not
@@ -228,14 +270,6 @@ pub(super) fn composite_after_tonemapping(
     let Some(splats) = views.get(&extracted.retained_view_entity) else { return };
     let Some(plan) = splats.plan.filter(|plan| plan.after_tonemapping) else { return };
     let Some(ready) = pipelines.get(plan.composite) else { return };
-    // Written out: the target's own attachment would be the multisampled texture, which tonemapping has left
-    // behind.
-    let image = RenderPassColorAttachment {
-        view: target.main_texture_view(),
-        depth_slice: None,
-        resolve_target: None,
-        ops: Operations { load: LoadOp::Load, store: StoreOp::Store },
-    };
     let diagnostics = context.diagnostic_recorder();
     let mut gpu = Gpu {
         device: device.wgpu_device(),
@@ -243,5 +277,5 @@ pub(super) fn composite_after_tonemapping(
         encoder: context.command_encoder(),
         diagnostics: diagnostics.as_deref(),
     };
-    composite(&mut gpu, &ready, splats, image);
+    composite(&mut gpu, &ready, splats, resolved(&target));
 }

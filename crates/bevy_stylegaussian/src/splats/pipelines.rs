@@ -11,8 +11,8 @@ use bevy::{
 };
 use stylegaussian_gpu::{
     splat::{
-        Composite, CompositeMode, CompositePipeline, InverseTable, SplatPass, SplatPipeline, ToneCurve,
-        Tonemapping,
+        Composite, CompositeMode, CompositePipeline, InverseTable, LiftPipeline, SplatPass, SplatPipeline,
+        ToneCurve, Tonemapping,
     },
     strokes::StrokeStore,
 };
@@ -29,10 +29,14 @@ pub(super) struct SplatPipelines {
     lights: HashMap<(Tonemapping, bool), Background<()>>,
     /// The kernels for two eyes, which are a part of the passes.
     eyes: Option<Background<()>>,
+    /// The pipelines of layers of half the size, which are a part of the passes.
+    half: Option<Background<()>>,
     draw: Option<Background<SplatPipeline>>,
     /// The draw of strokes, which is a part of the passes and of the draw.
     strokes: Option<Background<()>>,
     composites: HashMap<CompositeTarget, Background<CompositePipeline>>,
+    /// What comes before tonemappings that make no number of black, by the format of the target.
+    lifts: HashMap<TextureFormat, Background<LiftPipeline>>,
     tables: HashMap<Tonemapping, Background<InverseTable>>,
 }
 
@@ -130,6 +134,40 @@ impl SplatPipelines {
         eyes.get().is_some()
     }
 
+    /// Starts to compile the pipelines of layers of half the size. Returns whether they are ready.
+    pub(super) fn request_half(
+        &mut self,
+        device: &wgpu::Device,
+        synchronous: SynchronousCompilation,
+    ) -> bool {
+        let Some(passes) = self.passes.as_ref().and_then(Background::get) else { return false };
+        let half = self.half.get_or_insert_with(|| {
+            let (passes, device) = (Arc::clone(passes), device.clone());
+            Background::start(synchronous, move || passes.splat.prepare_half(&device))
+        });
+        half.get().is_some()
+    }
+
+    /// Starts to compile the lift of targets of a format. Returns whether it is ready.
+    pub(super) fn request_lift(
+        &mut self,
+        device: &wgpu::Device,
+        synchronous: SynchronousCompilation,
+        format: TextureFormat,
+    ) -> bool {
+        let lift = self.lifts.entry(format).or_insert_with(|| {
+            let device = device.clone();
+            Background::start(synchronous, move || LiftPipeline::new(&device, format))
+        });
+        lift.get().is_some()
+    }
+
+    /// The lift of targets of a format, or `None` if it was not [requested](Self::request_lift) or is not
+    /// ready.
+    pub(super) fn lift(&self, format: TextureFormat) -> Option<&LiftPipeline> {
+        self.lifts.get(&format)?.get()
+    }
+
     /// Whether the kernel for clouds with a mask is ready.
     pub(super) fn has_masks(&self) -> bool {
         self.masks.as_ref().is_some_and(|masks| masks.get().is_some())
@@ -217,9 +255,9 @@ impl SplatPipelines {
     /// Number of pipelines and tables requested so far.
     #[cfg(test)]
     pub(super) fn n_requested(&self) -> usize {
-        let single = [&self.strokes, &self.masks, &self.eyes].map(Option::is_some);
+        let single = [&self.strokes, &self.masks, &self.eyes, &self.half].map(Option::is_some);
         let single = single.into_iter().chain([self.draw.is_some()]);
-        let by_kind = [self.lights.len(), self.composites.len(), self.tables.len()];
+        let by_kind = [self.lights.len(), self.composites.len(), self.tables.len(), self.lifts.len()];
         by_kind.iter().sum::<usize>() + single.filter(|&is_there| is_there).count()
     }
 

@@ -2,7 +2,8 @@
 //!
 //! Splats blend among themselves in a *layer* of the target's size, in display-referred colors, tested against
 //! the camera's depth. The layer is then composited over the image in the image's color space. It has one
-//! sample per pixel; for cameras with MSAA there is a second one, of splats where meshes end.
+//! sample per pixel; for cameras with MSAA there is a second one, of splats where meshes end. For weak GPUs,
+//! splats blend in a layer of half the size, and the others are made of it.
 
 use std::{borrow::Cow, sync::Arc};
 
@@ -21,7 +22,8 @@ use bevy::{
     },
 };
 use stylegaussian_gpu::splat::{
-    self, CompositeInput, CompositeMode, EdgeLayers, LAYER_FORMAT, SplatPass, SplatSettings, SplatView,
+    self, CompositeInput, CompositeMode, EdgeLayers, HalfLayer, LAYER_FORMAT, LiftPipeline, SplatPass,
+    SplatSettings, SplatView,
 };
 
 use crate::{
@@ -79,6 +81,8 @@ pub(super) struct Plan {
     pub(super) composite: CompositeTarget,
     /// Whether the layer is composited after tonemapping, over an image of one sample per pixel.
     pub(super) after_tonemapping: bool,
+    /// Whether what is exactly black must be lifted before tonemapping, or nothing could be composited over it.
+    pub(super) lifts: bool,
     /// Left, top, width and height in pixels of the target.
     pub(super) viewport: UVec4,
     pub(super) settings: SplatSettings,
@@ -89,7 +93,14 @@ pub(super) struct Plan {
 }
 
 /// Textures in which splats blend.
-pub(super) enum Layer {
+pub(super) struct Layer {
+    pub(super) whole: Whole,
+    /// The textures that the whole ones are made of, of views that are drawn at half the size.
+    pub(super) half: Option<HalfLayer>,
+}
+
+/// The textures that are composited.
+pub(super) enum Whole {
     /// Of views with one sample per pixel, and their size.
     Single(wgpu::TextureView, UVec2),
     /// Of views with several.
@@ -119,16 +130,16 @@ pub(super) struct Strokes<'w> {
     ready: ResMut<'w, StrokesReady>,
 }
 
-/// Lets shaders read depth: with MSAA they look for the edges of meshes, and on software adapters a compute
-/// shader draws the splats.
+/// Lets shaders read depth: with MSAA they look for the edges of meshes, layers of half the size are made whole
+/// by it, and on software adapters a compute shader draws the splats.
 pub(super) fn allow_reading_depth(
     adapter: Res<RenderAdapterInfo>,
-    mut cameras: Query<(&mut Camera3d, &Msaa)>,
+    mut cameras: Query<(&mut Camera3d, &Msaa, Option<&SplatCuts>)>,
 ) {
     let is_software = stylegaussian_gpu::device::is_software(&adapter);
     // In each frame, since the extraction overwrites the render world's `Camera3d`.
-    for (mut camera, msaa) in &mut cameras {
-        if is_software || msaa.samples() > 1 {
+    for (mut camera, msaa, cuts) in &mut cameras {
+        if is_software || msaa.samples() > 1 || cuts.is_some_and(|cuts| cuts.half_size) {
             camera.depth_texture_usages.0 |= wgpu::TextureUsages::TEXTURE_BINDING.bits();
         }
     }
@@ -185,6 +196,9 @@ pub(super) fn prepare_views(
         // already stays, and is hidden in part a few frames later.
         let is_ready = is_ready
             && (masks.is_empty() || pipelines.request_masks(device, *synchronous) || view.layer.is_some());
+        let is_ready = is_ready && (!plan.settings.half_size || pipelines.request_half(device, *synchronous));
+        let is_ready =
+            is_ready && (!plan.lifts || pipelines.request_lift(device, *synchronous, plan.composite.format));
         all_ready.0 &= is_ready;
         if view.clouds.is_empty() || !is_ready {
             continue;
@@ -291,9 +305,9 @@ impl ViewSplats {
                 }
             };
             let table = plan.inverted().and_then(|tonemapping| pipelines.table(tonemapping));
-            let input = match &*layer {
-                Layer::Single(color, _) => passes.composite.bind(device, color, table),
-                Layer::Edges(layers) => passes.composite.bind_edges(device, layers, table),
+            let input = match &layer.whole {
+                Whole::Single(color, _) => passes.composite.bind(device, color, table),
+                Whole::Edges(layers) => passes.composite.bind_edges(device, layers, table),
             };
             self.inverted = plan.inverted();
             self.layer = Some((layer, input));
@@ -311,8 +325,9 @@ impl ViewSplats {
 
 impl Layer {
     fn new(device: &wgpu::Device, plan: &Plan, pass: &SplatPass) -> Self {
+        let half = plan.settings.half_size.then(|| pass.half_layer(device, plan.size));
         if plan.composite.depth_samples > 1 {
-            return Self::Edges(Box::new(pass.edge_layers(device, plan.size)));
+            return Self { whole: Whole::Edges(Box::new(pass.edge_layers(device, plan.size))), half };
         }
         let texture = device.create_texture(&wgpu::TextureDescriptor {
             label: Some("splat_layer"),
@@ -326,14 +341,17 @@ impl Layer {
                 | pass.layer_usages(),
             view_formats: &[],
         });
-        Self::Single(texture.create_view(&wgpu::TextureViewDescriptor::default()), plan.size)
+        let color = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        Self { whole: Whole::Single(color, plan.size), half }
     }
 
     fn fits(&self, plan: &Plan) -> bool {
-        match self {
-            Self::Single(_, size) => plan.composite.depth_samples == 1 && *size == plan.size,
-            Self::Edges(layers) => plan.composite.depth_samples > 1 && layers.size() == plan.size,
-        }
+        let is_multi = plan.composite.depth_samples > 1;
+        let whole_fits = match &self.whole {
+            Whole::Single(_, size) => !is_multi && *size == plan.size,
+            Whole::Edges(layers) => is_multi && layers.size() == plan.size,
+        };
+        whole_fits && self.half.is_some() == plan.settings.half_size
     }
 }
 
@@ -382,10 +400,13 @@ fn plan(
         SplatSortKey::ViewZ => splat::SortKey::ViewZ,
         SplatSortKey::Distance => splat::SortKey::Distance,
     };
-    let cuts = cuts.copied().unwrap_or_default().for_pass();
-    let settings = SplatSettings { sort_key, near: near(view), cuts };
+    let cuts = cuts.copied().unwrap_or_default();
+    let (half_size, cuts) = (cuts.half_size, cuts.for_pass());
+    let settings = SplatSettings { sort_key, near: near(view), cuts, half_size };
     let exposure = view.color_grading.global.exposure;
-    Some(Plan { composite, after_tonemapping, viewport, settings, size, exposure })
+    let makes_nan = tonemapping.is_some_and(|&tonemapping| LiftPipeline::is_needed(method(tonemapping)));
+    let lifts = after_tonemapping && makes_nan;
+    Some(Plan { composite, after_tonemapping, lifts, viewport, settings, size, exposure })
 }
 
 /// Least view depth of splats, in world units: 0.2 as in training, or twice the camera's near plane if that is

@@ -9,7 +9,7 @@ use bevy::{
     render::RenderApp,
 };
 
-use crate::{GaussianSceneReady, SplatShadows, SplatTint, SplatTonemapping, splats::Held};
+use crate::{GaussianSceneReady, SplatShadows, SplatTint, SplatTonemapping, StyleVolume, splats::Held};
 
 use super::{
     pictures::{EYE, RED, Studio, pixel},
@@ -64,7 +64,7 @@ fn fog_reaches_splats_as_it_reaches_meshes() {
     let cases = [
         (Tonemapping::None, false, SplatTonemapping::Invert, 2.0),
         (Tonemapping::Reinhard, true, SplatTonemapping::Invert, 2.0),
-        (Tonemapping::ReinhardLuminance, true, SplatTonemapping::Invert, 2.0),
+        (Tonemapping::ReinhardLuminance, true, SplatTonemapping::Bypass, 2.0),
         (Tonemapping::AcesFitted, true, SplatTonemapping::Invert, 12.0),
         (Tonemapping::TonyMcMapface, false, SplatTonemapping::Invert, 12.0),
     ];
@@ -124,6 +124,47 @@ fn tints_change_light_and_idle_ones_nothing() {
     check("gray", SplatTint { saturation: 0.0, ..default() }, shown([luminance; 3]));
     assert_eq!(n_pipelines(&mut studio), before + 1);
     studio.app.world_mut().entity_mut(splats).remove::<SplatTint>();
+    assert!(studio.shoot() == plain);
+}
+
+/// A volume tints the splats within, softly at its edge and whatever their style, over the tint of their
+/// entity. A volume that tints nothing costs nothing, and what is tinted has its colors back afterwards.
+#[test]
+fn volumes_tint_what_is_within() {
+    let Some(mut studio) = Studio::new() else { return };
+    studio.camera(EYE, Msaa::Off);
+    let splats = studio.splats(solid(Vec3::new(-1.0, 0.0, 0.0), RED), Transform::default());
+    studio.splats(solid(Vec3::new(1.0, 0.0, 0.0), RED), Transform::default());
+    let n_pipelines =
+        |studio: &mut Studio| Held::of(studio.app.sub_app_mut(RenderApp).world_mut()).n_pipelines;
+    let (plain, before) = (studio.shoot(), n_pipelines(&mut studio));
+    let ball = StyleVolume::new(Sphere::new(1.0)).with_softness(0.4);
+    let place = Transform::from_xyz(-1.0, 0.0, 0.0);
+    let volume = studio.app.world_mut().spawn((ball.clone().with_tint(SplatTint::default()), place)).id();
+    assert!(studio.shoot() == plain, "a tint that is none changes something");
+    assert_eq!(n_pipelines(&mut studio), before);
+
+    let darker = |factor: f32| RED.map(|c| Srgba::gamma_function_inverse(factor * Srgba::gamma_function(c)));
+    let half = SplatTint { exposure: -1.0, ..default() };
+    studio.app.world_mut().entity_mut(volume).insert(ball.clone().with_tint(half));
+    let picture = studio.shoot();
+    near("within", at(&picture, SPLATS), darker(0.5), 2.0);
+    near("beside it", at(&picture, MESH), RED, 2.0);
+    assert_eq!(n_pipelines(&mut studio), before + 1);
+    studio.app.world_mut().entity_mut(splats).insert(half);
+    near("over another tint", at(&studio.shoot(), SPLATS), darker(0.25), 2.0);
+    studio.app.world_mut().entity_mut(splats).remove::<SplatTint>();
+    // The means of the splats are in the middle of the edge.
+    studio.app.world_mut().entity_mut(volume).insert(Transform::from_xyz(-2.0, 0.0, 0.0));
+    near("at the edge", at(&studio.shoot(), SPLATS), darker(0.75), 2.0);
+    // Other entities, and volumes of a mask.
+    let other = ball.clone().with_tint(half).for_cloud(volume);
+    studio.app.world_mut().entity_mut(volume).insert((other, place));
+    assert!(studio.shoot() == plain, "a volume for another entity");
+    let painted = StyleVolume { mask: Some(0), ..ball.with_tint(half) };
+    studio.app.world_mut().entity_mut(volume).insert(painted);
+    assert!(studio.shoot() == plain, "a volume that follows a mask");
+    studio.app.world_mut().despawn(volume);
     assert!(studio.shoot() == plain);
 }
 

@@ -1,8 +1,13 @@
 //! Two cameras as the eyes of one head, and cameras that leave splats out.
 
-use bevy::prelude::*;
+use bevy::{
+    camera::Hdr,
+    core_pipeline::tonemapping::{DebandDither, Tonemapping},
+    prelude::*,
+    render::RenderApp,
+};
 
-use crate::{SplatCuts, SplatEyes, SplatSortKey};
+use crate::{SplatCuts, SplatDepth, SplatEyes, SplatSortKey, SplatTonemapping, splats::Held};
 
 use super::{
     pictures::{EYE, SIZE, Studio, check_picture, reference, translucent},
@@ -67,4 +72,38 @@ fn cuts_are_each_camera_s_own() {
     studio.splats(balls(&all), Transform::default());
     check_picture("with cuts", &studio.shoot(), &reference(&balls(&strong), EYE));
     check_picture("without", &studio.shoot_on(&other), &reference(&balls(&all), -EYE));
+}
+
+/// A camera that draws at half the size shows nearly what it shows at the whole, among meshes, with and without
+/// MSAA and before and after tonemapping, and the whole again without. Cameras without it have nothing of it.
+#[test]
+fn half_the_size_is_nearly_the_whole() {
+    let Some(mut studio) = Studio::new() else { return };
+    let camera = studio.camera(EYE, Msaa::Off);
+    studio.splats(balls(&translucent(80, 23)), Transform::default());
+    studio.cuboid(Vec3::new(2.0, 2.0, 0.5), Vec3::new(-1.0, 0.5, 1.0), [0.1, 0.2, 0.9], 1.0);
+    let held = |studio: &mut Studio| Held::of(studio.app.sub_app_mut(RenderApp).world_mut());
+    for msaa in [Msaa::Off, Msaa::Sample4] {
+        studio.app.world_mut().entity_mut(camera).insert((msaa, SplatCuts::default()));
+        let whole = studio.shoot();
+        let before = held(&mut studio);
+        studio.app.world_mut().entity_mut(camera).insert(SplatCuts { half_size: true, ..default() });
+        let half = studio.shoot();
+        let likeness = psnr(&half, &whole, |i| whole[i].iter().any(|&channel| channel > 0.02));
+        println!("{msaa:?}: {likeness:.1} dB");
+        assert!(likeness > 30.0 && half != whole, "{msaa:?}: {likeness:.1} dB");
+        assert_ne!(held(&mut studio).layers, before.layers);
+        studio.app.world_mut().entity_mut(camera).remove::<SplatCuts>();
+        assert!(studio.shoot() == whole, "{msaa:?}: something is left");
+    }
+    // Depth of splats, and what is drawn after tonemapping, are at home in the whole picture.
+    let late = (Hdr, Tonemapping::TonyMcMapface, SplatTonemapping::Bypass, DebandDither::Disabled);
+    studio.app.world_mut().entity_mut(camera).insert((Msaa::Off, SplatDepth::default(), late));
+    for _ in 0..20 {
+        studio.app.update();
+    }
+    let whole = studio.shoot();
+    studio.app.world_mut().entity_mut(camera).insert(SplatCuts { half_size: true, ..default() });
+    let likeness = psnr(&studio.shoot(), &whole, |i| whole[i].iter().any(|&channel| channel > 0.02));
+    assert!(likeness > 30.0, "after tonemapping: {likeness:.1} dB");
 }

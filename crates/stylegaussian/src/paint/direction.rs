@@ -2,6 +2,8 @@
 
 use glam::Vec3;
 
+use crate::strokes::{along_curve, step};
+
 /// The way in which strokes run on a scene, in its space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Direction<'a> {
@@ -67,41 +69,6 @@ impl Direction<'_> {
             Self::Curve(points) => along_curve(points, point),
         }
     }
-}
-
-/// The unit vector from a point to the next; 0 if they are the same.
-fn step(from: Vec3, to: Vec3) -> Vec3 {
-    (to - from).normalize_or_zero()
-}
-
-/// The direction of a line where it is nearest to `at`. Between two of its points, it turns evenly from that at
-/// the one to that at the other, so that strokes on either side of a corner do not break.
-fn along_curve(points: &[Vec3], at: Vec3) -> Vec3 {
-    let mut nearest = (f32::INFINITY, 0, 0.0);
-    for (i, pair) in points.windows(2).enumerate() {
-        let whole = pair[1] - pair[0];
-        let part =
-            ((at - pair[0]).dot(whole) / whole.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
-        let apart = (at - pair[0] - part * whole).length_squared();
-        if apart < nearest.0 && step(pair[0], pair[1]) != Vec3::ZERO {
-            nearest = (apart, i, part);
-        }
-    }
-    let (_, i, part) = nearest;
-    let segment = |i: usize| match points.get(i..i + 2) {
-        Some(pair) => step(pair[0], pair[1]),
-        None => Vec3::ZERO,
-    };
-    let n_segments = points.len().saturating_sub(1);
-    let is_closed = n_segments > 1 && points.first() == points.last();
-    let before = |i: usize| match i {
-        0 if is_closed => segment(n_segments - 1),
-        0 => Vec3::ZERO,
-        _ => segment(i - 1),
-    };
-    let after = |i: usize| segment(if i == n_segments && is_closed { 0 } else { i });
-    let of_point = |i: usize| (before(i) + after(i)).normalize_or_zero();
-    of_point(i).lerp(of_point(i + 1), part).try_normalize().unwrap_or_else(|| segment(i))
 }
 
 #[cfg(test)]

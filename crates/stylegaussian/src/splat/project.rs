@@ -12,6 +12,8 @@ use crate::{
 
 /// Added to the diagonal of every 2D covariance, in px^2, so that no splat is thinner than about a pixel.
 const LOW_PASS: f32 = 0.3;
+/// The same of pixels of half the size: variances are in px^2.
+const HALF_LOW_PASS: f32 = LOW_PASS / 4.0;
 
 /// A Gaussian farther from the picture's center than this, in half pictures, is linearized as if it were at
 /// this distance. The Jacobian grows without bound toward the side, and would smear such a Gaussian over the
@@ -50,7 +52,15 @@ pub(super) struct Splat {
 
 /// The splats that can touch the picture, by ascending view-space z and, if that is equal, by Gaussian index.
 pub(super) fn project(scene: &Scene, camera: &Camera, visibility: Option<&Visibility>) -> Vec<Splat> {
-    let projection = Projection::new(camera);
+    project_with(&Projection::new(camera), scene, visibility)
+}
+
+/// The same by a given projection.
+pub(super) fn project_with(
+    projection: &Projection,
+    scene: &Scene,
+    visibility: Option<&Visibility>,
+) -> Vec<Splat> {
     let splat = |i: usize| {
         let share = visibility.map_or(1.0, |visibility| visibility.share(i));
         projection.splat(scene, i, share * scene.opacities[i])
@@ -76,13 +86,15 @@ pub(crate) struct Projection<'a> {
     rotation: Mat3,
     /// The largest |x / z| and |y / z| at which the projection is linearized.
     limit: Vec2,
+    /// Whether splats keep the sums that they have in a picture of twice the width and height.
+    pub(super) is_half: bool,
 }
 
 impl<'a> Projection<'a> {
     /// The projection of `camera`.
     pub(crate) fn new(camera: &'a Camera) -> Self {
         let limit = LINEARIZED_WITHIN * camera.size.as_vec2() / (2.0 * camera.focal);
-        Self { camera, rotation: camera.view_from_world.matrix3.into(), limit }
+        Self { camera, rotation: camera.view_from_world.matrix3.into(), limit, is_half: false }
     }
 
     /// The standard deviations of Gaussian `i` along its three axes as they appear in the picture, in pixels,
@@ -127,8 +139,16 @@ impl<'a> Projection<'a> {
         // With a = a0 + l, c = c0 + l and the low-pass l: a c - b^2 = (a0 c0 - b^2) + l (a0 + c0 + l).
         let det_before = row_x.cross(row_y).length_squared();
         let det = det_before + LOW_PASS * (a + c - LOW_PASS);
-        if scene.filter == ScreenFilter::Antialiased {
-            opacity *= compensation(det_before, det);
+        let kept = match scene.filter {
+            ScreenFilter::Antialiased => Some(det_before),
+            ScreenFilter::Classic if self.is_half => {
+                let squared = row_x.length_squared() + row_y.length_squared();
+                Some(det_before + HALF_LOW_PASS * (squared + HALF_LOW_PASS))
+            }
+            ScreenFilter::Classic => None,
+        };
+        if let Some(kept) = kept {
+            opacity *= compensation(kept, det);
             // Such a splat has no footprint.
             if opacity < MIN_ALPHA {
                 return None;
@@ -188,8 +208,9 @@ impl<'a> Projection<'a> {
 /// covariance C sums to 2 pi o sqrt(det C), so o is scaled by sqrt(det C / det (C + 0.3 I)). Below 1, and 0 for
 /// a splat without area.
 ///
-/// This is the 2D filter of Yu et al., "Mip-Splatting" (2024), as gsplat's rasterize mode `antialiased`
-/// computes it. The determinants are positive sums, so neither is below 0.
+/// With the determinant before the low-pass, this is the 2D filter of Yu et al., "Mip-Splatting" (2024), as
+/// gsplat's rasterize mode `antialiased` computes it. The determinants are positive sums, so neither is below
+/// 0.
 fn compensation(det_before: f32, det: f32) -> f32 {
     (det_before / det).sqrt()
 }

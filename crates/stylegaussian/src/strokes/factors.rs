@@ -8,6 +8,7 @@
 use glam::{Vec2, Vec3};
 
 use super::{
+    curve::StrokeCurve,
     mix::mixed,
     motion::StrokeMotion,
     seed::{PlainSeed, StrokeSeed, StrokeWord},
@@ -31,17 +32,32 @@ pub struct StrokeFactors {
     pub stroke_scale: f32,
     /// Factor of the thickness of paint, 0 to 10.
     pub relief: f32,
+    /// Thickness that is added to that of the paint below, 0 to 4, as [`StrokeKnobs::relief`] has it: paint
+    /// without any has some then.
+    ///
+    /// [`StrokeKnobs::relief`]: super::StrokeKnobs::relief
+    pub added_relief: f32,
     /// Direction of strokes in scene space, of any length above 0; `None` for their own. Each spot's paint is
     /// turned about the middle of the spot, by less than a right angle.
     pub direction: Option<Vec3>,
+    /// A curve in scene space that strokes run along in place of a direction.
+    pub curve: Option<StrokeCurve>,
     /// The way in which strokes move; `None` for their own.
     pub motion: Option<StrokeMotion>,
 }
 
 impl StrokeFactors {
     /// No change.
-    pub const NONE: Self =
-        Self { amount: 1.0, protection: 1.0, stroke_scale: 1.0, relief: 1.0, direction: None, motion: None };
+    pub const NONE: Self = Self {
+        amount: 1.0,
+        protection: 1.0,
+        stroke_scale: 1.0,
+        relief: 1.0,
+        added_relief: 0.0,
+        direction: None,
+        curve: None,
+        motion: None,
+    };
 
     /// The changes within their ranges. What is no number changes nothing, and a direction is a unit vector.
     #[must_use]
@@ -52,7 +68,10 @@ impl StrokeFactors {
             protection: within(self.protection, 0.0),
             stroke_scale: within(self.stroke_scale, 0.1),
             relief: within(self.relief, 0.0),
+            // The larger one of NaN and 0 is 0.
+            added_relief: self.added_relief.max(0.0).min(4.0),
             direction: self.direction.and_then(Vec3::try_normalize),
+            curve: self.curve,
             motion: self.motion,
         }
     }
@@ -80,6 +99,11 @@ impl StrokeFactors {
         }
     }
 
+    /// The thickness of paint if that below has this one.
+    pub fn thickness(&self, below: f32) -> f32 {
+        self.relief * below + self.added_relief
+    }
+
     /// A seed whose strokes are changed, before it moves. It is the twin of what the kernel makes of a changed
     /// number.
     pub fn seed(&self, seed: &StrokeSeed) -> PlainSeed {
@@ -91,7 +115,8 @@ impl StrokeFactors {
             pitch: plain.pitch / self.stroke_scale,
             ..plain
         };
-        self.direction.map_or(plain, |direction| plain.turned(seed.direction(), direction))
+        let toward = self.curve.map(|curve| curve.at(plain.at)).or(self.direction);
+        toward.map_or(plain, |toward| plain.turned(seed.direction(), toward))
     }
 }
 
@@ -142,6 +167,13 @@ mod tests {
             assert!(found.right.dot(before.right) > -1e-4 && found.right.dot(found.down).abs() < 1e-4);
             assert_eq!((found.at, found.place, found.pitch), (before.at, before.place, before.pitch));
         }
+        // A curve is one direction here and another there.
+        let curve = StrokeCurve::new(&[Vec3::ZERO, 2.0 * Vec3::X, Vec3::new(2.0, 9.0, 0.0)]);
+        let along_curve = StrokeFactors { curve, direction: Some(Vec3::Y), ..StrokeFactors::NONE };
+        let turn = Vec3::X + Vec3::new(1.0, 1.0, 0.0).normalize();
+        let found = along_curve.seed(&seed);
+        let along = found.right * stroke.x + found.down * stroke.y;
+        assert!(along.dot(turn.normalize()).abs() > 0.999, "{along}");
         // Nearly along the normal there is no direction.
         let across = StrokeFactors { direction: Some(Vec3::Z), ..StrokeFactors::NONE };
         assert_eq!(across.seed(&seed), seed.plain());
@@ -157,7 +189,9 @@ mod tests {
             protection: f32::NAN,
             stroke_scale: f32::NAN,
             relief: f32::NAN,
+            added_relief: f32::NAN,
             direction: Some(Vec3::NAN),
+            curve: None,
             motion: None,
         };
         assert_eq!(bad.usual(), StrokeFactors::NONE);
@@ -166,7 +200,9 @@ mod tests {
             protection: -1.0,
             stroke_scale: 0.0,
             relief: -3.0,
+            added_relief: 9.0,
             direction: Some(Vec3::ZERO),
+            curve: None,
             motion: None,
         };
         let expected = StrokeFactors {
@@ -174,6 +210,7 @@ mod tests {
             protection: 0.0,
             stroke_scale: 0.1,
             relief: 0.0,
+            added_relief: 4.0,
             ..StrokeFactors::NONE
         };
         assert_eq!(far.usual(), expected);

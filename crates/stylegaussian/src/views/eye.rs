@@ -45,7 +45,8 @@ const NEAR_SHARE: f32 = 0.1;
 
 /// The spot from which a capture was made.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Eye {
+pub struct Eye {
+    /// Its place, in scene units.
     pub at: Vec3,
     /// The distance of what is near, in scene units; above 0.
     pub room: f32,
@@ -64,7 +65,7 @@ pub(super) fn eye(stand_in: &Scene, framed: &[f32], all: &Extent, dense: &Extent
 
 impl Eye {
     /// The eye above what is near. Sizes on a floor hardly tell a spot from its mirror image below.
-    pub fn above_floor(self, stand_in: &Scene, up: Vec3) -> Self {
+    pub(super) fn above_floor(self, stand_in: &Scene, up: Vec3) -> Self {
         let sizes = sizes(stand_in, |_| true);
         let Some((middle, _)) = near(&sizes, self.at) else { return self };
         let height = up.dot(self.at - middle);

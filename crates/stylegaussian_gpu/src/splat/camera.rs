@@ -1,6 +1,7 @@
 //! Cameras of the splat pass, with any projection matrix.
 
-use glam::{Affine3A, DAffine3, DVec3, Mat4, UVec4, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, DVec3, Mat4, UVec2, UVec4, Vec2, Vec3, Vec4};
+use stylegaussian::splat::half_size;
 
 /// A camera: its place, its projection, and the part of the target that its picture takes.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,6 +41,28 @@ impl Camera {
             world_from_view: camera.view_from_world.inverse() * flipped,
             clip_from_view,
             viewport: UVec4::new(0, 0, camera.size.x, camera.size.y),
+        }
+    }
+
+    /// The camera of the same picture at half its width and height, rounded up, at the target's top left
+    /// corner. Each pixel stands for two by two; the last ones of an odd width or height reach beyond the
+    /// picture.
+    pub(super) fn halved(&self) -> Self {
+        let size = UVec2::new(self.viewport.z, self.viewport.w);
+        let half = half_size(size);
+        // The share of the larger picture that this one takes, from the top left: ndc x becomes (x + 1) share -
+        // 1, and y becomes 1 - (1 - y) share.
+        let share = size.as_vec2() / (2 * half).as_vec2();
+        let onto = Mat4::from_cols(
+            Vec4::new(share.x, 0.0, 0.0, 0.0),
+            Vec4::new(0.0, share.y, 0.0, 0.0),
+            Vec4::Z,
+            Vec4::new(share.x - 1.0, 1.0 - share.y, 0.0, 1.0),
+        );
+        Self {
+            world_from_view: self.world_from_view,
+            clip_from_view: onto * self.clip_from_view,
+            viewport: UVec4::new(0, 0, half.x, half.y),
         }
     }
 
@@ -111,8 +134,6 @@ pub(super) fn in_f64(a: &Affine3A) -> DAffine3 {
 
 #[cfg(test)]
 mod tests {
-    use glam::UVec2;
-
     use super::*;
 
     /// A point projects to the same pixel through the matrix as through the pinhole.
@@ -150,6 +171,18 @@ mod tests {
         let [slope, offset] = camera.depth_across_pixel();
         let (found, expected) = (slope * near + offset, 100.0 * (near - far));
         assert!((found / expected - 1.0).abs() < 0.01, "found {found}, expected {expected}");
+
+        // A picture of half the size has the point in the middle of the four pixels.
+        let odd = Camera { viewport: UVec4::new(5, 7, 63, 41), ..camera.clone() };
+        let (whole, half) = (odd.clip_from_view * view.extend(1.0), odd.halved());
+        let pixel = |clip: Vec4, viewport: UVec4| {
+            (Vec2::new(clip.x, -clip.y) / clip.w + 1.0) / 2.0
+                * Vec2::new(viewport.z as f32, viewport.w as f32)
+        };
+        let found = pixel(half.clip_from_view * view.extend(1.0), half.viewport);
+        assert!((2.0 * found - pixel(whole, odd.viewport)).length() < 1e-3, "{found}");
+        assert_eq!(half.viewport, UVec4::new(0, 0, 32, 21));
+        assert_eq!(camera.halved().clip_from_view, camera.clip_from_view);
 
         let principal = (camera.axis() * Vec2::new(1.0, -1.0) + 1.0) / 2.0 * pinhole.size.as_vec2();
         assert!((principal - pinhole.center).length() < 1e-4, "{principal}");

@@ -11,6 +11,7 @@
 
 use std::sync::OnceLock;
 
+use bytemuck::Zeroable;
 use glam::{UVec4, Vec4Swizzles};
 use stylegaussian::splat::iso_threshold;
 use stylegaussian_shaders::splat::{
@@ -75,6 +76,8 @@ struct Found {
 #[derive(Debug)]
 struct Made {
     viewport: UVec4,
+    /// The viewport of the whole picture, if splats are drawn at half its width and height.
+    half_of: Option<UVec4>,
     threshold: f32,
     uniforms: wgpu::Buffer,
     depths: wgpu::Buffer,
@@ -162,8 +165,9 @@ impl Depth {
 }
 
 impl Made {
-    /// Room for the iso depths of a viewport, or `None` if the device cannot bind as much.
-    fn new(device: &wgpu::Device, depth: &Depth, viewport: UVec4) -> Option<Self> {
+    /// Room for the iso depths of a viewport, or `None` if the device cannot bind as much. `half_of` is the
+    /// viewport of the whole picture, if this is half of it.
+    fn new(device: &wgpu::Device, depth: &Depth, viewport: UVec4, half_of: Option<UVec4>) -> Option<Self> {
         let size = 4 * u64::from(viewport.z) * u64::from(viewport.w);
         if size > buffers::largest_binding(device) {
             return None;
@@ -178,7 +182,13 @@ impl Made {
         let (read, write) = (group(&depth.read), group(&depth.write));
         // Not a number: equal to no threshold.
         let threshold = f32::NAN;
-        Some(Self { viewport, threshold, uniforms, depths, read, write, lists: None, slices: None })
+        let (lists, slices) = (None, None);
+        Some(Self { viewport, half_of, threshold, uniforms, depths, read, write, lists, slices })
+    }
+
+    /// The viewport in depth attachments.
+    fn picture(&self) -> UVec4 {
+        self.half_of.unwrap_or(self.viewport)
     }
 
     fn set_threshold(&mut self, queue: &wgpu::Queue, threshold: f32) {
@@ -186,10 +196,12 @@ impl Made {
             return;
         }
         self.threshold = threshold;
+        let viewport = self.viewport.as_vec4().to_array();
+        let place = self.picture().xy().as_vec2().to_array();
+        let step = if self.half_of.is_some() { 2.0 } else { 1.0 };
         let mut bytes = vec![0; UNIFORM_STRIDE * N_SLICES as usize];
         for (slice, bytes) in (0..).zip(bytes.chunks_exact_mut(UNIFORM_STRIDE)) {
-            let viewport = self.viewport.as_vec4().to_array();
-            let contents = SplatIso { viewport, threshold, slice, padding_0: 0, padding_1: 0 };
+            let contents = SplatIso { viewport, place, step, threshold, slice, ..SplatIso::zeroed() };
             bytes[..size_of::<SplatIso>()].copy_from_slice(bytemuck::bytes_of(&contents));
         }
         queue.write_buffer(&self.uniforms, 0, &bytes);
@@ -278,9 +290,10 @@ impl Depth {
         };
         let viewport = source.viewport;
         let wanted = Some(Found { threshold, order: view.order(), counts: sorted.counts.clone() });
-        if iso.made.as_ref().is_none_or(|made| made.viewport != viewport) {
+        let places = (viewport, view.half_of());
+        if iso.made.as_ref().is_none_or(|made| (made.viewport, made.half_of) != places) {
             iso.found = None;
-            iso.made = Made::new(device, self, viewport);
+            iso.made = Made::new(device, self, viewport, view.half_of());
         }
         let Some(made) = iso.made.as_mut().filter(|_| iso.found != wanted) else { return };
         iso.found = None;
@@ -312,7 +325,7 @@ impl IsoDepth {
     /// Writes the depths into the depth attachment of `pass`, where they are nearer.
     pub(super) fn write(&self, pass: &mut wgpu::RenderPass, pipeline: &DepthPipeline) {
         let Some(made) = self.made.as_ref().filter(|_| self.found.is_some()) else { return };
-        let [x, y, width, height] = made.viewport.as_vec4().to_array();
+        let [x, y, width, height] = made.picture().as_vec4().to_array();
         pass.set_viewport(x, y, width, height, 0.0, 1.0);
         pass.set_pipeline(&pipeline.0);
         pass.set_bind_group(0, &made.read, &[0]);

@@ -21,7 +21,7 @@ const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// Surfaces that go deeper than this many pixel sizes across a pixel count as edges: those that are seen at
 /// less than atan(1 / 8), 7 degrees. A splat that is less deep behind a surface is hidden in all samples of the
 /// pixel or in none.
-const STEEPEST: f32 = 8.0;
+pub(super) const STEEPEST: f32 = 8.0;
 
 /// The textures of a view with several samples per pixel.
 #[derive(Clone, Debug)]

@@ -6,7 +6,7 @@
 use std::sync::OnceLock;
 
 use glam::{DMat4, Mat3, Vec3};
-use stylegaussian::light::{Falloff, Fog, MAX_SUNS, Tint, steepness};
+use stylegaussian::light::{Falloff, Fog, MAX_SUNS, Tint, TintVolume, steepness};
 use stylegaussian_shaders::splat::light::{
     self as shaders, FALLOFF_ATMOSPHERIC, FALLOFF_EXPONENTIAL, FALLOFF_EXPONENTIAL_SQUARED, FALLOFF_LINEAR,
     FogSun, SplatLight, SplatShadows,
@@ -34,6 +34,8 @@ pub struct ViewLight {
     pub fog: Option<Fog>,
     /// The tint of each cloud, in the order of the clouds that are drawn; those without one keep their colors.
     pub tints: Vec<Tint>,
+    /// The volumes that tint each cloud, in the same order, of points in the world. None by default.
+    pub volumes: Vec<Vec<TintVolume>>,
     /// The shadow maps that are compared with splats, if any are.
     pub shadows: Option<Shadows>,
     /// Share of its light, 0..1, that each cloud loses in shadow, in the same order; none by default.
@@ -270,7 +272,9 @@ impl LitView {
             let n_records = cloud.scene.n_gaussians() as u32;
             let tint = wish.tints.get(i).and_then(Tint::matrix);
             let amount = wish.shadow_amounts.get(i).filter(|amount| wish.shadows.is_some() && **amount > 0.0);
-            if fog.is_some() || tint.is_some() || amount.is_some() {
+            let (volumes, n_volumes) =
+                volumes::of_view(wish.volumes.get(i).map_or(&[], Vec::as_slice), camera);
+            if fog.is_some() || tint.is_some() || amount.is_some() || n_volumes > 0 {
                 let [tint_red, tint_green, tint_blue] = rows(tint.unwrap_or(Mat3::IDENTITY));
                 let has_strokes = u32::from(has_strokes && cloud.colors.painted().is_some());
                 lit.push(SplatLight {
@@ -280,6 +284,8 @@ impl LitView {
                     first_record,
                     n_records,
                     has_strokes,
+                    volumes,
+                    n_volumes,
                     shadow_amount: amount.map_or(0.0, |amount| amount.min(1.0)),
                     ..of_view
                 });
@@ -350,3 +356,4 @@ fn of_view(camera: &Camera, exposure: f32, fog: Option<&Fog>) -> SplatLight {
 mod shadows;
 #[cfg(test)]
 mod tests;
+mod volumes;

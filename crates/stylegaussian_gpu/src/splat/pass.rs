@@ -12,6 +12,7 @@ use super::{
     draw::{Draw, SplatPipeline},
     edges::{EdgeLayers, Edges},
     error::SplatError,
+    half::Half,
     layer::Layer,
     light::LightStage,
     project::Project,
@@ -27,6 +28,7 @@ use crate::{device::is_software, strokes::StrokeStore};
 mod cast;
 mod depth;
 mod eyes;
+mod half;
 
 /// The pipelines of the splat pass. One pass serves any number of views.
 #[derive(Debug)]
@@ -43,6 +45,8 @@ pub struct SplatPass {
     pub(super) cast: OnceLock<Cast>,
     /// The pipelines that split depth with several samples, compiled when they are asked for.
     edges: OnceLock<Edges>,
+    /// The pipelines of layers of half the width and height, likewise.
+    half: OnceLock<Half>,
 }
 
 impl SplatPass {
@@ -73,6 +77,7 @@ impl SplatPass {
             depth: OnceLock::new(),
             cast: OnceLock::new(),
             edges: OnceLock::new(),
+            half: OnceLock::new(),
         }
     }
 
@@ -158,6 +163,8 @@ impl SplatPass {
         }
         view.reserve(device, &self.sort, &self.draw.layout, n_records)?;
         view.set_paired(false);
+        view.set_half_of(settings.whole(camera));
+        let camera = &*settings.camera(camera);
         view.set_camera(queue, camera, n_records as u32);
         let change = self.project.write(device, queue, view, (camera, None), &drawn, settings);
         let change = self.relight(device, queue, view, camera, clouds, change);

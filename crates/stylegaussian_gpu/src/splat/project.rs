@@ -6,7 +6,7 @@ use bytemuck::Zeroable;
 use glam::{Affine3A, DVec3};
 use stylegaussian::{mask::MaskUse, scene::ScreenFilter};
 use stylegaussian_shaders::splat::{
-    self as shaders, ANTIALIASED, BY_DISTANCE, CAPTURED_COLORS, CROPPED, NO_SH, SplatChunk,
+    self as shaders, ANTIALIASED, BY_DISTANCE, CAPTURED_COLORS, CROPPED, HALF_SIZE, NO_SH, SplatChunk,
 };
 
 use super::{
@@ -102,7 +102,7 @@ impl Project {
         view.reserve_chunks(device, &self.view_layout, n_chunks);
         let mut first_record = 0;
         let painted = clouds.iter().filter_map(|cloud| cloud.colors.painted());
-        let draw = draw_uniforms(painted.map(|painted| painted.knobs));
+        let draw = draw_uniforms(painted);
         for cloud in clouds {
             let painted = cloud.colors.painted();
             let of_cloud = cloud_uniforms((camera, middle), cloud, settings);
@@ -226,9 +226,10 @@ pub(super) fn cloud_uniforms(
         flags: flag(cloud.colors.own().is_none(), CAPTURED_COLORS)
             | flag(settings.sort_key == SortKey::Distance, BY_DISTANCE)
             | flag(cloud.scene.filter() == ScreenFilter::Antialiased, ANTIALIASED)
+            | flag(settings.half_size, HALF_SIZE)
             | flag(cloud.mask().is_some_and(|visibility| visibility.is == MaskUse::Crop), CROPPED),
         mask_shift: cloud.mask().map_or(0, |visibility| 8 * visibility.channel as u32),
-        least_variance: squared(settings.cuts.least_radius),
+        least_variance: squared(settings.cuts.least_radius / if settings.half_size { 2.0 } else { 1.0 }),
         least_opacity: if settings.cuts.least_opacity.is_finite() {
             settings.cuts.least_opacity
         } else {

@@ -1,5 +1,11 @@
 //! Settings of the splat pass.
 
+use std::borrow::Cow;
+
+use glam::UVec4;
+
+use super::camera::Camera;
+
 /// The key that splats are sorted by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SortKey {
@@ -19,13 +25,29 @@ pub struct SplatSettings {
     pub near: f32,
     /// Splats that are left out.
     pub cuts: SplatCuts,
+    /// Whether splats are drawn at half the width and height:
+    /// [`draw_half_layer`](super::SplatPass::draw_half_layer). Their footprints are widened as much as a pixel
+    /// of twice the size asks for, and keep the sums that they have in the whole picture.
+    pub half_size: bool,
+}
+
+impl SplatSettings {
+    /// The camera that splats are projected with, for a picture of `camera`.
+    pub(super) fn camera<'a>(&self, camera: &'a Camera) -> Cow<'a, Camera> {
+        if self.half_size { Cow::Owned(camera.halved()) } else { Cow::Borrowed(camera) }
+    }
+
+    /// The viewport of the whole picture, if splats are drawn at half its width and height.
+    pub(super) fn whole(&self, camera: &Camera) -> Option<UVec4> {
+        self.half_size.then_some(camera.viewport)
+    }
 }
 
 /// Splats that weak GPUs leave out. By default, none are.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SplatCuts {
-    /// Splats of a smaller radius are left out, in pixels: the root of the sum of the variances along x and y,
-    /// before the low-pass.
+    /// Splats of a smaller radius are left out, in pixels of the whole picture: the root of the sum of the
+    /// variances along x and y, before the low-pass.
     pub least_radius: f32,
     /// Splats of less opacity are left out, 0..1. Those under 1/255 always are.
     pub least_opacity: f32,
@@ -34,6 +56,7 @@ pub struct SplatCuts {
 impl Default for SplatSettings {
     /// Sorted by view depth, drawn from 0.2 on: the original rasterizer's rules.
     fn default() -> Self {
-        Self { sort_key: SortKey::ViewZ, near: stylegaussian::Camera::NEAR, cuts: SplatCuts::default() }
+        let near = stylegaussian::Camera::NEAR;
+        Self { sort_key: SortKey::ViewZ, near, cuts: SplatCuts::default(), half_size: false }
     }
 }

@@ -5,12 +5,12 @@
 use std::{ops::Range, sync::OnceLock};
 
 use glam::Vec3;
-use stylegaussian::strokes::{KIND_FLOW, MotionNow, StrokeKnobs, StrokeMotion as Motion};
+use stylegaussian::strokes::{KIND_FLOW, MAX_CURVE_POINTS, MotionNow, StrokeKnobs, StrokeMotion as Motion};
 use stylegaussian_shaders::splat::{
     SplatChunk,
     strokes::{
-        self as shaders, MAX_CHANGES, MAX_MOTIONS, NO_MOTION, OWN_MOTION, StrokeChange, StrokeChunk,
-        StrokeDraw, StrokeMotion,
+        self as shaders, CurvePoint, MAX_CHANGES, MAX_MOTIONS, NO_MOTION, OWN_MOTION, StrokeChange,
+        StrokeChunk, StrokeDraw, StrokeMotion,
     },
 };
 
@@ -248,19 +248,24 @@ fn relief_records(device: &wgpu::Device, n_records: usize) -> wgpu::Buffer {
     )
 }
 
-/// The unit direction to the light, and the factor of the thickness of paint; `None` if paint is flat.
-pub(super) fn light(knobs: &StrokeKnobs) -> Option<(Vec3, f32)> {
-    let to_light = knobs.light.try_normalize()?;
-    (knobs.relief > 0.0 && knobs.relief.is_finite()).then_some((to_light, knobs.relief))
+/// The unit direction to the light, and the factor of the thickness of paint, which changes may add to; `None`
+/// if all paint is flat.
+fn light(painted: &PaintedColors) -> Option<(Vec3, f32)> {
+    let StrokeKnobs { light, relief, .. } = painted.knobs;
+    let relief = if relief.is_finite() { relief.max(0.0) } else { 0.0 };
+    let adds = painted.strokes.changes().iter().any(|(_, factors)| factors.added_relief > 0.0);
+    light.try_normalize().filter(|_| relief > 0.0 || adds).map(|to_light| (to_light, relief))
 }
 
 /// The uniforms of a view's draws with strokes.
-pub(super) fn draw_uniforms(mut painted: impl Iterator<Item = StrokeKnobs> + Clone) -> Option<StrokeDraw> {
-    let first = painted.clone().next()?;
+pub(super) fn draw_uniforms<'a>(
+    mut painted: impl Iterator<Item = PaintedColors<'a>> + Clone,
+) -> Option<StrokeDraw> {
+    let first = painted.clone().next()?.knobs;
     let is_stable = first.screen_stable && first.stroke_scale > 0.0 && first.stroke_scale.is_finite();
     Some(StrokeDraw {
         near: if first.near.is_finite() { first.near } else { 0.0 },
-        n_lights: u32::from(painted.any(|knobs| light(&knobs).is_some())),
+        n_lights: u32::from(painted.any(|painted| light(&painted).is_some())),
         is_stable: u32::from(is_stable),
         scale_octaves: if is_stable { first.stroke_scale.log2() } else { 0.0 },
     })
@@ -283,7 +288,7 @@ pub(super) fn with_knobs(
     let is_stable = draw.is_some_and(|draw| draw.is_stable > 0);
     // All of a view have one size.
     let of_view = draw.filter(|_| is_stable).map(|draw| draw.scale_octaves.exp2());
-    let (light, relief) = light(&knobs).unwrap_or_default();
+    let (light, relief) = painted.and_then(light).unwrap_or_default();
     let mut motions = MotionsNow::default();
     let (changes, n_changes) =
         painted.map_or_else(Default::default, |painted| changes_now(painted, &mut motions));
@@ -344,6 +349,15 @@ fn changes_now(painted: &PaintedColors, motions: &mut MotionsNow) -> ([StrokeCha
             Some(motion) => motions.add(0..0, motion, painted.seconds).unwrap_or(NO_MOTION),
             None => OWN_MOTION,
         };
+        let mut points = [CurvePoint::default(); MAX_CURVE_POINTS];
+        let mut n_points = 0;
+        for (at, toward) in
+            factors.curve.iter().flat_map(|curve| curve.points().iter().zip(curve.directions()))
+        {
+            let (at, toward) = (at.to_array(), toward.to_array());
+            points[n_points] = CurvePoint { at, toward, ..CurvePoint::default() };
+            n_points += 1;
+        }
         *place = StrokeChange {
             direction: factors.direction.unwrap_or(Vec3::ZERO).to_array(),
             first: *first,
@@ -351,6 +365,10 @@ fn changes_now(painted: &PaintedColors, motions: &mut MotionsNow) -> ([StrokeCha
             stroke_scale: factors.stroke_scale,
             relief: factors.relief,
             motion,
+            added_relief: factors.added_relief,
+            n_points: n_points as u32,
+            points,
+            ..StrokeChange::default()
         };
         n += 1;
     }

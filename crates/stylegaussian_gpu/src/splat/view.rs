@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use stylegaussian_shaders::splat::{
-    ANTIALIASED, BY_DISTANCE, CROPPED, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw,
+    ANTIALIASED, BY_DISTANCE, CROPPED, HALF_SIZE, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw,
     strokes::{StrokeChunk, StrokeDraw},
 };
 
@@ -21,8 +21,10 @@ use super::{
 use crate::buffers::TooLarge;
 
 mod eyes;
+mod half;
 mod records;
 
+use self::half::HalfState;
 use eyes::EyeState;
 use records::{ChunkUniforms, ViewBuffers};
 
@@ -57,6 +59,8 @@ pub struct SplatView {
     edges: Option<EdgeUniforms>,
     /// The state that this view shares with that of another eye.
     eyes: EyeState,
+    /// The state of a view at half its width and height.
+    half: HalfState,
 }
 
 /// The buffers that a chunk is projected from.
@@ -114,7 +118,7 @@ impl ChunkSource {
     fn geometry(&self) -> SplatChunk {
         // The other flag is about colors.
         let chunk = self.uniforms.chunk;
-        let flags = chunk.flags & (BY_DISTANCE | ANTIALIASED | CROPPED);
+        let flags = chunk.flags & (BY_DISTANCE | ANTIALIASED | CROPPED | HALF_SIZE);
         SplatChunk { eye: [0.0; 4], flags, ..chunk }
     }
 
@@ -188,14 +192,15 @@ impl SplatView {
         self.lit.set(light);
     }
 
-    /// What is an edge for `camera`, and the viewport; `None` if there is nothing to draw.
+    /// What is an edge for `camera`, and the whole picture's viewport; `None` if there is nothing to draw.
     pub(super) fn edges(
         &mut self,
         device: &wgpu::Device,
         queue: &wgpu::Queue,
         camera: &Camera,
     ) -> Option<(&EdgeUniforms, glam::UVec4)> {
-        let viewport = self.viewport?;
+        let drawn = self.viewport?;
+        let viewport = self.half_of().unwrap_or(drawn);
         let edges = self.edges.get_or_insert_with(|| EdgeUniforms::new(device));
         edges.write(queue, camera);
         Some((&*edges, viewport))

@@ -9,17 +9,19 @@
 use bevy::{camera::primitives::Aabb, prelude::*};
 use stylegaussian::{
     layers::Region,
+    light::TintVolume,
     strokes::{StrokeKnobs, StrokeMotion},
 };
 
 use crate::{
-    colors::{ColorLayer, ColorLayers, LayerColors},
+    colors::{ColorLayer, ColorLayers, LayerColors, TintedParts},
     scene::LoadedScene,
     style::{
         make::job::{StyleJob, StyleJobs},
         show::{place::Place, sun::Sun, volume::StyleVolume, worn::Passed},
         wish::{
             applied::AppliedStyle,
+            relief::StyleRelief,
             source::{HiddenUntilStyled, StyleSource},
         },
     },
@@ -145,14 +147,17 @@ type LayeredCloud = (
     Has<HiddenUntilStyled>,
 );
 
-/// Sets the layers of all clouds: their own style, and those of the volumes that touch them.
+/// Sets the layers of all clouds: their own style, and those of the volumes that touch them. Finds the volumes
+/// that tint them.
 pub(crate) fn compose_layers(
     mut clouds: Query<LayeredCloud>,
     mut volumes: Query<Volume>,
     mut own: Query<(&mut StyleJobs, Option<&StyleSource>), Without<StyleVolume>>,
     places: Query<&GlobalTransform>,
     sun: Res<Sun>,
+    mut tinted: ResMut<TintedParts>,
 ) {
+    tinted.0.clear();
     let mut volumes: Vec<_> = volumes.iter_mut().collect();
     volumes.sort_by_key(|(entity, volume, ..)| (volume.priority, *entity));
     let place_of = |entity: Entity| Some(places.get(entity).ok()?.translation());
@@ -161,6 +166,7 @@ pub(crate) fn compose_layers(
         let all = [Vec3::from(bounds.min()), Vec3::from(bounds.max())];
         let place = Place::new(world_from_scene, scene.asset.usual_bounds().unwrap_or(all), all, &place_of);
         let (mut found, mut is_hidden, mut knobs) = (Vec::new(), false, layers.knobs);
+        let mut relief = StyleRelief::default();
         let mut motion = layers.layers.first().map_or(StrokeMotion::Still, |layer| layer.motion);
         if let Ok((mut jobs, source)) = own.get_mut(entity)
             && let Some(job) = jobs.bypass_change_detection().of_scene.iter_mut().find(|job| job.is_of(scene))
@@ -169,7 +175,8 @@ pub(crate) fn compose_layers(
             found = job.worn.layers(&place);
             // A style that goes, goes as it was drawn.
             if let Some(source) = source.filter(|source| !source.is_none()) {
-                let light = source.relief.to_light(&world_from_scene, sun.0);
+                relief = source.relief;
+                let light = relief.to_light(&world_from_scene, sun.0);
                 knobs = StrokeKnobs { light, ..source.knobs() };
                 motion = source.motion.usual();
             }
@@ -189,15 +196,23 @@ pub(crate) fn compose_layers(
                 continue;
             }
             let region = volume.region(at);
+            // Tints are found by view, which has no masks.
+            let tint = volume
+                .tint
+                .filter(|_| volume.mask.is_none())
+                .map(|tint| TintVolume { region, tint: tint.into() });
+            if let Some(tint) = tint.filter(|tint| tint.change().is_some()) {
+                tinted.0.entry(entity).or_default().push(tint);
+            }
             let shape_from_scene = match volume.is_everything() {
                 true => Region::EVERYWHERE.shape_from_scene,
                 false => region.shape_from_scene * world_from_scene,
             };
             let region = Region { shape_from_scene, ..region };
             let jobs = &mut jobs.bypass_change_detection().of_scene;
-            // A volume that changes strokes shows captured colors nowhere.
+            // A volume that changes what is there shows captured colors nowhere.
             if let Some(job) = jobs.iter_mut().find(|job| job.is_of(scene))
-                && !(volume.strokes.is_some() && source.is_none())
+                && !(volume.is_change() && source.is_none())
             {
                 let layer = job.worn.volume_layer(&place, region, source.usual_strength(), volume.channel());
                 found.extend(layer.map(|layer| ColorLayer { motion: source.motion.usual(), ..layer }));
@@ -209,6 +224,11 @@ pub(crate) fn compose_layers(
                 let factors = strokes.usual(&world_from_scene, at);
                 found.push(ColorLayer { region, mask: volume.channel(), ..ColorLayer::change(factors) });
             }
+        }
+        let adds_relief =
+            |layer: &ColorLayer| layer.factors.is_some_and(|factors| factors.added_relief > 0.0);
+        if found.iter().any(adds_relief) {
+            knobs.light = relief.to_any_light(&world_from_scene, sun.0);
         }
         // A layer that covers all hides those below.
         if let Some(top) = found.iter().rposition(ColorLayer::covers_all) {

@@ -7,11 +7,11 @@ use bevy::{
 };
 use stylegaussian::layers::{Cover, Region, RegionCover, Shape};
 
-use crate::style::wish::strokes::VolumeStrokes;
+use crate::{colors::SplatTint, style::wish::strokes::VolumeStrokes};
 
 /// A part of the world in which splats have the style of this entity's [`StyleSource`](crate::StyleSource), or
-/// their captured colors if that is none, or in which [`strokes`](Self::strokes) are changed. Its `Transform`
-/// places, turns and scales it.
+/// their captured colors if that is none, or in which [`strokes`](Self::strokes) are changed or another light
+/// falls ([`tint`](Self::tint)). Its `Transform` places, turns and scales it.
 ///
 /// Any number of volumes may overlap, with one another and with any number of clouds, and may move in each
 /// frame. They lie over the styles of the clouds themselves, and over one another by their priority. A style is
@@ -57,6 +57,12 @@ pub struct StyleVolume {
     /// Changes of all strokes within, those of the volume's own style too. With them, a volume without a style
     /// leaves the styles that are there, instead of showing captured colors. `None` by default.
     pub strokes: Option<VolumeStrokes>,
+    /// The light on all splats within, whatever their style, as [`SplatTint`] changes that of an entity. Tints
+    /// of volumes that overlap multiply, and so do those of entities; a soft edge has a part of the tint. Like
+    /// `strokes`, it leaves the styles that are there if the volume has none. It does not follow
+    /// [`mask`](Self::mask): a volume that does, tints nothing. At most 16 volumes tint an entity, those of the
+    /// highest priority. `None` by default, which costs nothing.
+    pub tint: Option<SplatTint>,
 }
 
 impl MapEntities for StyleVolume {
@@ -146,6 +152,21 @@ impl StyleVolume {
         Self { strokes: Some(strokes), ..self }
     }
 
+    /// The same volume, in which another light falls on splats.
+    ///
+    /// ```
+    /// # use bevy::prelude::*;
+    /// # use bevy_stylegaussian::{SplatTint, StyleVolume};
+    /// # fn system(mut commands: Commands) {
+    /// // The light of a lamp, which ends softly.
+    /// let lamp = SplatTint { color: Color::srgb(1.0, 0.8, 0.5), exposure: 1.0, ..default() };
+    /// commands.spawn(StyleVolume::new(Sphere::new(2.0)).with_softness(2.0).with_tint(lamp));
+    /// # }
+    /// ```
+    pub fn with_tint(self, tint: SplatTint) -> Self {
+        Self { tint: Some(tint), ..self }
+    }
+
     /// The same volume for the splats of one entity alone.
     pub fn for_cloud(self, cloud: Entity) -> Self {
         Self { cloud: Some(cloud), ..self }
@@ -154,6 +175,11 @@ impl StyleVolume {
     /// The channel of masks that counts.
     pub(crate) fn channel(&self) -> Option<u32> {
         self.mask.map(|channel| u32::try_from(channel).unwrap_or(u32::MAX))
+    }
+
+    /// Whether the volume changes what is there, besides any style of its own.
+    pub(crate) fn is_change(&self) -> bool {
+        self.strokes.is_some() || self.tint.is_some()
     }
 
     pub(crate) fn is_everything(&self) -> bool {

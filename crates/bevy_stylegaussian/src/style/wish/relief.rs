@@ -60,9 +60,16 @@ impl StyleRelief {
     /// The direction to the light in the space of a scene at this place, or 0 if there is none or paint is
     /// flat. `to_sun` is the direction to the first directional light.
     pub(crate) fn to_light(self, world_from_scene: &Affine3A, to_sun: Option<Vec3>) -> Vec3 {
+        // A light that moves changes nothing then.
+        if self.usual_amount() <= 0.0 {
+            return Vec3::ZERO;
+        }
+        self.to_any_light(world_from_scene, to_sun)
+    }
+
+    /// The same, also if paint is flat, for volumes that give it a thickness.
+    pub(crate) fn to_any_light(self, world_from_scene: &Affine3A, to_sun: Option<Vec3>) -> Vec3 {
         let to_light = match self.light {
-            // A light that moves changes nothing then.
-            _ if self.usual_amount() <= 0.0 => None,
             PaintLight::Sun => to_sun,
             PaintLight::Direction(direction) => Some(direction),
         };

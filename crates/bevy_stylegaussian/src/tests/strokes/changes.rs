@@ -42,7 +42,7 @@ fn volumes_change_the_strokes_that_are_there() {
         studio.next()
     };
     let (source, painted) = studio.painting(1, WARM);
-    studio.set(source);
+    studio.set(source.clone());
     studio.settle();
     let plain = studio.next();
     drain::<StyleApplied>(&mut studio.app);
@@ -74,6 +74,23 @@ fn volumes_change_the_strokes_that_are_there() {
         let corner = 128 * 24 + 26..128 * 24 + 32;
         assert!(distance(&found[corner.clone()], &plain[corner]) < 1e-4, "{name}");
     }
+    // A volume alone gives paint a thickness, in the light of the cloud's source. Then it has none again.
+    studio.app.world_mut().get_mut::<StyleVolume>(volume).unwrap().strokes =
+        Some(usual.with_added_relief(2.0));
+    studio.set(source.clone().with_relief(StyleRelief::lit_from(LIGHT).with_amount(0.0)));
+    let lit = studio.next();
+    assert!(distance(&lit, &plain) > 1e-4, "no relief");
+    let corner = 128 * 24 + 26..128 * 24 + 32;
+    assert!(distance(&lit[corner.clone()], &plain[corner]) < 1e-4);
+    studio.set(source.clone());
+    // Along a curve that is a line, strokes run as along its direction.
+    let mut set = |strokes: VolumeStrokes| {
+        studio.app.world_mut().get_mut::<StyleVolume>(volume).unwrap().strokes = Some(strokes);
+        studio.next()
+    };
+    let along = set(usual.with_direction(Vec3::Y));
+    let on_line = set(usual.with_curve(&[Vec3::NEG_Y, Vec3::ZERO, Vec3::Y]));
+    assert!(distance(&on_line, &along) < 1e-4 && distance(&on_line, &plain) > 1e-4);
     assert!(drain::<StyleApplied>(&mut studio.app).iter().all(|applied| applied.entity != studio.wall));
     // A mask that nobody painted steers nothing.
     let painted_volume = StyleVolume { mask: Some(1), strokes: Some(usual.with_paint(0.0)), ..ball };

@@ -78,7 +78,10 @@ fn check_within(what: &str, scene: &Scene, at: Vec3, within: f32) {
             assert!(alpha.iter().sum::<f32>() > 0.3 * alpha.len() as f32, "{what}: little to see");
         }
     }
-    assert_eq!(framing(scene).unwrap().n_left_out, 0, "{what}");
+    let framing = framing(scene).unwrap();
+    assert_eq!(framing.n_left_out, 0, "{what}");
+    let eye = framing.eye.unwrap();
+    assert!(eye.at.distance(at) < within && eye.room > 0.0, "{what}: {eye:?} instead of {at}");
 }
 
 #[test]
@@ -111,6 +114,7 @@ fn a_thing_in_a_place_is_seen_from_outside() {
     for (what, hits) in [("outdoors", &[&around as &Hit, &thing][..]), ("alone", &[&thing as &Hit][..])] {
         let scene = of_rays(6000, &circling, hits);
         assert_eq!(Survey::new(&scene, N_STAND_IN).unwrap().eye, None, "{what}");
+        assert_eq!(framing(&scene).unwrap().eye, None, "{what}");
         for camera in orbit(&scene, 4, SIZE) {
             assert!(camera.position().distance(middle) > 1.5, "{what}: eye at {}", camera.position());
             let view = camera.view_from_world.transform_point3(middle);

@@ -3,7 +3,8 @@
 use glam::{Affine3A, Mat4, Quat, UVec4, Vec3};
 use half::f16;
 use stylegaussian::{
-    light::{Air, Curve, Display, Lit, ShadowCascade, Sun, in_shadow},
+    layers::{Region, Shape},
+    light::{Air, Curve, Display, Lit, ShadowCascade, Sun, TintVolume, in_shadow, tint_at},
     strokes::StrokeKnobs,
 };
 
@@ -164,6 +165,62 @@ fn lit_records_match_for_every_projection_fog_and_curve() {
         }
         assert!(n > 300 && n_strokes > 50, "{what}: {n} and {n_strokes}");
     }
+}
+
+/// Volumes of all shapes, over a cloud with a tint of its own and one without.
+#[test]
+fn volumes_tint_the_records_within() {
+    let Some(stage) = Stage::new(75) else { return };
+    let camera = Camera {
+        world_from_view: Affine3A::from_rotation_y(0.3) * before_scene().world_from_view,
+        ..before_scene()
+    };
+    let own = Tint { color: Vec3::new(0.9, 0.7, 0.8), ..Tint::IDENTITY };
+    let tint = |exposure: f32| Tint { color: Vec3::new(1.0, 0.6, 0.3), exposure, saturation: 0.4 };
+    let place = Affine3A::from_rotation_translation(Quat::from_rotation_z(0.4), Vec3::new(0.3, 0.1, 0.2));
+    let region = |shape| Region { shape, shape_from_scene: place.inverse(), softness: 0.8 };
+    let volume = |shape, exposure| TintVolume { region: region(shape), tint: tint(exposure) };
+    let volumes = vec![
+        volume(Shape::Ellipsoid { radii: Vec3::new(0.9, 0.5, 1.2) }, -1.0),
+        volume(Shape::Cuboid { half_size: Vec3::new(0.5, 2.0, 0.5) }, 0.3),
+        // Neither counts.
+        volume(Shape::Cuboid { half_size: Vec3::NAN }, 3.0),
+        TintVolume { region: region(Shape::Everything), tint: Tint::IDENTITY },
+        volume(Shape::HalfSpace, -0.5),
+        volume(Shape::Torus { major_radius: 1.0, minor_radius: 0.3 }, 0.5),
+        TintVolume { region: Region { softness: 0.0, ..region(Shape::Everything) }, tint: tint(-0.2) },
+    ];
+    let mut view = SplatView::new();
+    let before = stage.shown(&mut view, &camera);
+    let light = ViewLight {
+        tints: vec![own],
+        volumes: vec![volumes.clone(), Vec::new(), volumes[..1].to_vec()],
+        ..ViewLight::default()
+    };
+    view.set_light(Some(light.clone()));
+    let after = stage.shown(&mut view, &camera);
+    let (mut n, mut n_changed) = (0, 0);
+    for (i, (before, after)) in before.iter().zip(&after).enumerate() {
+        let (Some((color, _)), Some((found, _))) = (before, after) else { continue };
+        let at = stage.ray(&camera, i) + Vec3::from(camera.world_from_view.translation);
+        let tint = match i < N {
+            true => tint_at(own.matrix().unwrap(), &volumes, at),
+            false => tint_at(Mat3::IDENTITY, &volumes[..1], at),
+        };
+        let display = Display { curve: Curve::Linear, exposure: 0.0 };
+        let expected = Lit { tint, shade: 1.0, air: Air::CLEAR, display }.color(*color);
+        let error = (*found - expected).abs().max_element();
+        assert!(error < 4e-3, "{i}: {found}, expected {expected}");
+        n += 1;
+        n_changed += usize::from(tint != own.matrix().unwrap() && tint != Mat3::IDENTITY);
+    }
+    assert!(n > 300 && n_changed > 100, "{n_changed} of {n} changed");
+    // Volumes that move change colors, and those that are gone leave nothing.
+    let moved = TintVolume { region: Region { softness: 0.1, ..volumes[0].region }, ..volumes[0] };
+    view.set_light(Some(ViewLight { volumes: vec![vec![moved]], ..light }));
+    assert!(stage.shown(&mut view, &camera) != after);
+    view.set_light(None);
+    assert!(stage.shown(&mut view, &camera) == before);
 }
 
 /// Without light, records are what they were before there was any, and nothing was made for it.

@@ -1,6 +1,6 @@
 //! Records of changed strokes, against seeds that the CPU has changed.
 
-use stylegaussian::strokes::{StrokeFactors, StrokeRelief, StrokeSeed};
+use stylegaussian::strokes::{StrokeCurve, StrokeFactors, StrokeRelief, StrokeSeed};
 
 use super::*;
 
@@ -32,12 +32,15 @@ fn changed_records_match() {
     let direction = Some(Vec3::new(1.0, -2.0, 0.5).normalize());
     let none = StrokeFactors::NONE;
     let scaled = StrokeFactors { amount: 1.4, stroke_scale: 2.0, relief: 0.5, ..none };
+    // Through the middle of the scene, around a corner, and back.
+    let curve = StrokeCurve::new(&[-Vec3::X, Vec3::new(0.5, 0.2, 0.0), Vec3::Y, Vec3::new(-1.0, 1.0, 0.5)]);
+    assert!(curve.is_some());
     let pairs = [
         [scaled, StrokeFactors { direction, relief: 3.0, ..none }],
         [StrokeFactors { motion: Some(boil), ..none }, scaled],
         [StrokeFactors { motion: Some(boil), ..none }, StrokeFactors { motion: Some(Motion::Still), ..none }],
+        [StrokeFactors { added_relief: 0.5, ..none }, StrokeFactors { curve, relief: 3.0, ..none }],
     ];
-    let knobs = StrokeKnobs { relief: 1.0, light: Vec3::X, ..StrokeKnobs::DEFAULT };
     let changed_word = |i: usize| {
         let of = StrokeWord::unpacked(painting.words[i]);
         StrokeWord { seed: of.seed + (FIRST * (i % 4)) as u32, ..of }.packed()
@@ -46,6 +49,9 @@ fn changed_records_match() {
     let painting = Strokes { words, ..painting.clone() };
     for (case, [lower, upper]) in pairs.into_iter().enumerate() {
         let seconds = 1.71;
+        // In the last case, the change alone gives paint a thickness.
+        let relief = if case < 3 { 1.0 } else { 0.0 };
+        let knobs = StrokeKnobs { relief, light: Vec3::X, ..StrokeKnobs::DEFAULT };
         let set = |strokes: &mut GaussianStrokes| {
             strokes.set_changes(vec![(2 * FIRST as u32, upper), (FIRST as u32, lower)]);
         };
@@ -63,7 +69,7 @@ fn changed_records_match() {
             let expected = StrokeRecord::new(word, &seed, gaussian, across, &knobs);
             n_shown[i % 4] += usize::from(expected.is_some());
             check(&format!("case {case}, {i}"), records[i], expected);
-            let strength: f32 = factors.iter().map(|factors| factors.relief).product();
+            let strength = factors.iter().fold(knobs.relief, |below, factors| factors.thickness(below));
             assert_eq!(StrokeRelief::unpacked(relief[i]).strength, strength, "case {case}, {i}");
         }
         assert!(n_shown.iter().all(|n| *n > 30), "{n_shown:?}");

@@ -1,0 +1,248 @@
+//! Layers of half the width and height: `splat_half_*`.
+//!
+//! Splats are drawn at a quarter of the pixels, and their layer is made whole before it is composited, by any
+//! composite. Meshes keep sharp edges: low pixels are tested against the depths of both sides, and each pixel
+//! takes those that were tested against the surface that it shows. Views with several samples per pixel have a
+//! whole layer for either side of edges, both made from the one low layer.
+
+use glam::{UVec2, UVec4};
+use stylegaussian::splat::half_size;
+use stylegaussian_shaders::{
+    Source,
+    splat::half::{self as shaders, SplatHalf},
+};
+
+use super::{camera::Camera, edges::STEEPEST, layer::LAYER_FORMAT};
+use crate::{
+    bindings::{bind_group, group_layout, pipeline_layout, shader_module, uniform_binding},
+    buffers,
+};
+
+/// The format of depths of low pixels.
+const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+/// The textures of a layer of half the width and height.
+#[derive(Clone, Debug)]
+pub struct HalfLayer {
+    /// Width and height of the whole layer, in pixels.
+    size: UVec2,
+    pub(super) color: wgpu::TextureView,
+    pub(super) depth: wgpu::TextureView,
+}
+
+impl HalfLayer {
+    /// Textures for a whole layer of `size` in pixels. `more` are usages of the color, besides those of
+    /// attachments.
+    pub(super) fn new(device: &wgpu::Device, size: UVec2, more: wgpu::TextureUsages) -> Self {
+        let low = half_size(size);
+        let texture = |label, format, more| {
+            let texture = device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d { width: low.x, height: low.y, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING | more,
+                view_formats: &[],
+            });
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
+        };
+        Self {
+            size,
+            color: texture("splat_half_layer", LAYER_FORMAT, more),
+            depth: texture("splat_half_depth", DEPTH_FORMAT, wgpu::TextureUsages::empty()),
+        }
+    }
+
+    /// Width and height of the whole layer, in pixels.
+    pub fn size(&self) -> UVec2 {
+        self.size
+    }
+}
+
+/// The pipelines of both shaders.
+#[derive(Debug)]
+pub(super) struct Half {
+    depth: Stage,
+    upsample: Stage,
+}
+
+#[derive(Debug)]
+struct Stage {
+    layout: wgpu::BindGroupLayout,
+    pipeline: wgpu::RenderPipeline,
+}
+
+/// The uniforms of one view.
+#[derive(Debug)]
+pub(super) struct HalfUniforms {
+    buffer: wgpu::Buffer,
+    /// The numbers that the buffer holds.
+    written: Option<SplatHalf>,
+}
+
+impl HalfUniforms {
+    pub fn new(device: &wgpu::Device) -> Self {
+        let buffer = buffers::uniforms(device, "splat_half", size_of::<SplatHalf>() as u64);
+        Self { buffer, written: None }
+    }
+
+    /// Uploads the place of the picture and what is one surface for `camera`, that of the whole picture, if
+    /// they changed.
+    pub fn write(&mut self, queue: &wgpu::Queue, camera: &Camera) -> &wgpu::Buffer {
+        let viewport = camera.viewport.as_vec4().to_array();
+        let limit = camera.depth_across_pixel().map(|x| STEEPEST * x);
+        let now = SplatHalf { viewport, limit, padding: [0.0; 2] };
+        if self.written != Some(now) {
+            queue.write_buffer(&self.buffer, 0, bytemuck::bytes_of(&now));
+            self.written = Some(now);
+        }
+        &self.buffer
+    }
+}
+
+/// Depths that are written, whatever was there.
+fn written_depth() -> wgpu::DepthStencilState {
+    wgpu::DepthStencilState {
+        format: DEPTH_FORMAT,
+        depth_write_enabled: Some(true),
+        depth_compare: Some(wgpu::CompareFunction::Always),
+        stencil: wgpu::StencilState::default(),
+        bias: wgpu::DepthBiasState::default(),
+    }
+}
+
+impl Half {
+    pub fn new(device: &wgpu::Device) -> Self {
+        let texture = |sample_type| wgpu::BindingType::Texture {
+            sample_type,
+            view_dimension: wgpu::TextureViewDimension::D2,
+            multisampled: false,
+        };
+        let uniforms = uniform_binding::<SplatHalf>();
+        let depth = texture(wgpu::TextureSampleType::Depth);
+        let color = texture(wgpu::TextureSampleType::Float { filterable: false });
+        let layer = [Some(wgpu::ColorTargetState::from(LAYER_FORMAT))];
+        Self {
+            depth: Stage::new(
+                device,
+                shaders::depth(),
+                &[uniforms, depth, depth],
+                &[],
+                Some(written_depth()),
+            ),
+            upsample: Stage::new(device, shaders::upsample(), &[uniforms, depth, color, depth], &layer, None),
+        }
+    }
+
+    /// Finds the depths of the low pixels of `viewport`, that of the whole picture (left, top, width and height
+    /// in pixels), from the depths of meshes on the farther and the nearer sides of edges.
+    pub fn encode_depth(
+        &self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        (uniforms, viewport): (&wgpu::Buffer, UVec4),
+        sides: [&wgpu::TextureView; 2],
+        half: &HalfLayer,
+    ) {
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("splat_half_depth"),
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &half.depth,
+                depth_ops: Some(wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(0.0),
+                    store: wgpu::StoreOp::Store,
+                }),
+                stencil_ops: None,
+            }),
+            ..Default::default()
+        });
+        let size = half_size(UVec2::new(viewport.z, viewport.w));
+        self.depth.draw(device, &mut pass, UVec4::new(0, 0, size.x, size.y), uniforms, &sides);
+    }
+
+    /// Makes the whole layer `color` of the low one, within the whole picture's viewport, for surfaces at
+    /// `depth`. What is outside is cleared.
+    pub fn encode_whole(
+        &self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        (uniforms, viewport): (&wgpu::Buffer, UVec4),
+        half: &HalfLayer,
+        (color, depth): (&wgpu::TextureView, &wgpu::TextureView),
+    ) {
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("splat_half_upsample"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: color,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            ..Default::default()
+        });
+        let textures = [depth, &half.color, &half.depth];
+        self.upsample.draw(device, &mut pass, viewport, uniforms, &textures);
+    }
+}
+
+impl Stage {
+    fn new(
+        device: &wgpu::Device,
+        source: Source,
+        bindings: &[wgpu::BindingType],
+        targets: &[Option<wgpu::ColorTargetState>],
+        depth_stencil: Option<wgpu::DepthStencilState>,
+    ) -> Self {
+        let label = source.label;
+        let layout = group_layout(device, label, wgpu::ShaderStages::FRAGMENT, bindings);
+        let module = &shader_module(device, source);
+        let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(label),
+            layout: Some(&pipeline_layout(device, label, &[&layout])),
+            vertex: wgpu::VertexState {
+                module,
+                entry_point: Some(&format!("{label}_vertex")),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil,
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module,
+                entry_point: Some(&format!("{label}_fragment")),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                targets,
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        Self { layout, pipeline }
+    }
+
+    /// Draws a triangle over `viewport`.
+    fn draw(
+        &self,
+        device: &wgpu::Device,
+        pass: &mut wgpu::RenderPass,
+        viewport: UVec4,
+        uniforms: &wgpu::Buffer,
+        textures: &[&wgpu::TextureView],
+    ) {
+        let views = textures.iter().map(|&view| wgpu::BindingResource::TextureView(view));
+        let resources: Vec<_> = [uniforms.as_entire_binding()].into_iter().chain(views).collect();
+        let [x, y, width, height] = viewport.as_vec4().to_array();
+        pass.set_viewport(x, y, width, height, 0.0, 1.0);
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &bind_group(device, "splat_half", &self.layout, &resources), &[]);
+        pass.draw(0..3, 0..1);
+    }
+}
+
+#[cfg(test)]
+mod tests;
