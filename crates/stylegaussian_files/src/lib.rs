@@ -64,13 +64,14 @@ mod spz;
 mod style;
 mod tensors;
 mod upright;
+pub mod world;
 
 pub use animation::WebpAnimation;
 pub use atomic::{abandon_partial_files, expect_writable, write_atomically, write_by_name};
 use bytes::read_bytes;
 pub use colors::write_colors;
 pub use decoder::Precision;
-pub use error::{FileError, Loaded};
+pub use error::{FileError, Loaded, Mismatch};
 pub use format::{ReadOptions, WriteOptions};
 pub use formats::{readable_extensions, writable_extensions};
 pub use scenes::{
