@@ -1,9 +1,9 @@
 //! Levels of detail: fewer Gaussians that look like all of them from farther away.
 //!
 //! Gaussians that are near one another and alike become one. Seen along a unit vector d, a Gaussian with
-//! opacity o, covariance S and deviations a, b, c takes away the light 2 pi o sqrt(d . cof(S) d), the integral of
-//! its alpha over the picture. The mean of d . cof(S) d over all d is a third of the trace of cof(S), so up to a
-//! factor that all have in common, the light is
+//! opacity o, covariance S and deviations a, b, c takes away the light 2 pi o sqrt(d . cof(S) d), the integral
+//! of its alpha over the picture. The mean of d . cof(S) d over all d is a third of the trace of cof(S), so up
+//! to a factor that all have in common, the light is
 //!
 //!     w = o A          A^2 = (a^2 b^2 + b^2 c^2 + c^2 a^2) / 3
 //!

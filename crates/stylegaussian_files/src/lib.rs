@@ -58,11 +58,13 @@ mod ply;
 pub mod pytorch;
 mod scenes;
 mod sgs;
+mod slices;
 mod sog;
 mod splat;
 mod spz;
 mod style;
 mod tensors;
+pub mod tile;
 mod upright;
 pub mod world;
 
@@ -78,6 +80,7 @@ pub use scenes::{
     Reading, SceneReader, read_scene, read_scene_with, scene_from_bytes, scene_to_bytes, write_scene,
     write_scene_with,
 };
+pub use slices::Slices;
 
 /// Reads a decoder (`*.decoder.safetensors`).
 ///

@@ -40,6 +40,9 @@ use crate::{
 #[cfg(test)]
 mod tests;
 mod write;
+mod writer;
+
+pub use writer::{LeveledNode, WorldWriter};
 
 /// The name of the file in a world's folder.
 pub const FILE: &str = "lod-meta.json";
@@ -64,7 +67,8 @@ pub struct World {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Node {
     /// The smallest and the largest corner of the box around its Gaussians at all levels, in the coordinates of
-    /// the chunks.
+    /// the chunks. Boxes that this crate writes, and those of splat-transform, hold one standard deviation
+    /// around each mean, and not all that is drawn.
     pub bounds: [Vec3; 2],
     /// Its Gaussians at each level `[n_levels]`, or `None` if it has none of their own. Level 0 is the finest.
     /// Each node has at least one level.
