@@ -2,10 +2,11 @@
 
 use glam::Vec3;
 
-use super::EMPTY;
-
 /// Gaussians below which a cell is not cut for its size: a node of fewer is not worth a choice of its own.
 const LEAST: usize = 256;
+
+/// A box that grows: the smallest and the largest corner of nothing.
+const EMPTY: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
 
 /// Indices of the means in each cell, halved at the median of the longest side until each has `most` at most,
 /// and until each is `cell` wide at most, if that is given. Cells that are near one another follow one another.

@@ -241,7 +241,8 @@ impl Curve {
             work.at(begin as f32 / n as f32)?;
             chunk.resize(AT_A_TIME.min(n - begin), Record::default());
             file.read_exact(bytemuck::cast_slice_mut(&mut chunk)).map_err(at)?;
-            let block_of = |record| self.borders.partition_point(|&border| border <= self.code(mean(record)));
+            let block_of =
+                |record: &Record| self.borders.partition_point(|&border| border <= self.code(mean(record)));
             let found: Vec<usize> = chunk.par_iter().map(block_of).collect();
             for (record, block) in chunk.iter().zip(found) {
                 let block = &mut blocks[block];
