@@ -42,6 +42,7 @@ mod tests;
 mod write;
 mod writer;
 
+pub(crate) use writer::expect_empty;
 pub use writer::{LeveledNode, WorldWriter};
 
 /// The name of the file in a world's folder.

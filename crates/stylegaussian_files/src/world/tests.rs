@@ -91,3 +91,25 @@ fn runs_skip_gaussians_that_were_dropped() {
     let error = world.check_chunk(0, &chunk).unwrap_err().to_string();
     assert!(error.contains("a chunk of 202 Gaussians, expected at least 203"), "{error}");
 }
+
+/// The levels of a real world, each of which is one chunk, read by their budgets and alone.
+#[test]
+fn each_level_of_a_capture_is_its_chunk() {
+    let Some(folder) = crate::tests::shared_data("splats/playbot") else { return };
+    let world = World::read(&std::fs::read(folder.join(FILE)).unwrap()).unwrap();
+    assert_eq!((world.n_levels, world.nodes.len(), world.count(0)), (7, 2, 500_000));
+    // The finer ones take longer.
+    for level in 3..7 {
+        let count = world.count(level) as usize;
+        let options = crate::ReadOptions { budget: Some(count), ..Default::default() };
+        let read = crate::read_scene_with(&folder.join(FILE), options).unwrap().scene;
+        let file = world.nodes[0].levels[level].as_ref().unwrap().file;
+        let chunk = crate::read_scene(&folder.join(&world.files[file])).unwrap().scene;
+        world.check_chunk(file, &chunk).unwrap();
+        assert_eq!(read.len(), count, "{level}");
+        let all = |scene: Scene| {
+            (scene.means, scene.rotations, scene.scales, scene.opacities, scene.sh.unwrap().coefficients)
+        };
+        assert!(all(read) == all(chunk), "{level}");
+    }
+}
