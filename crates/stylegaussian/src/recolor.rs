@@ -3,7 +3,7 @@
 
 use std::f32::consts::TAU;
 
-use crate::{random::Random, splat::RenderedImage};
+use crate::{random::Random, splat::RenderedImage, symmetric::eigen};
 use glam::{DMat3, DQuat, DVec3, EulerRot, Vec3};
 
 /// Added to the variances of colors: the square of a display's step. Without it, the covariance of a gray scene
@@ -142,29 +142,13 @@ fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
-/// Sweeps of rotations over a matrix's three pairs of axes. Once they are small, each sweep squares them at
-/// least, so ten leave nothing but rounding.
-const SWEEPS: usize = 10;
-
-/// A symmetric matrix with each eigenvalue replaced by `f` of it, by Jacobi's rotations: `f64::sqrt` gives the
-/// square root.
+/// A symmetric matrix with each eigenvalue replaced by `f` of it: `f64::sqrt` gives the square root.
 ///
 /// Colors of a gray scene or painting have one large variance and two at [`VARIANCE_FLOOR`], and products of
-/// two such covariances have eigenvalues from 1 to 1e-10. Rotations find the small ones as well. Inverses by
-/// determinants do not: a determinant of 1e-20 is the difference of products of 1e-3, and may get the wrong
-/// sign.
+/// two such covariances have eigenvalues from 1 to 1e-10. Inverses by determinants do not find the small ones:
+/// a determinant of 1e-20 is the difference of products of 1e-3, and may get the wrong sign.
 fn of_eigenvalues(matrix: DMat3, f: impl Fn(f64) -> f64) -> DMat3 {
-    let (mut diagonal, mut axes) = (matrix, DMat3::IDENTITY);
-    for (p, q) in [(0, 1), (0, 2), (1, 2)].into_iter().cycle().take(3 * SWEEPS) {
-        let angle = 0.5 * (2.0 * diagonal.col(q)[p]).atan2(diagonal.col(q)[q] - diagonal.col(p)[p]);
-        let mut turn = DMat3::IDENTITY;
-        let (sin, cos) = angle.sin_cos();
-        (turn.col_mut(p)[p], turn.col_mut(q)[q]) = (cos, cos);
-        (turn.col_mut(q)[p], turn.col_mut(p)[q]) = (sin, -sin);
-        diagonal = turn.transpose() * diagonal * turn;
-        axes *= turn;
-    }
-    let values = DVec3::new(diagonal.x_axis.x, diagonal.y_axis.y, diagonal.z_axis.z);
+    let (values, axes) = eigen(matrix);
     axes * DMat3::from_diagonal(values.to_array().map(f).into()) * axes.transpose()
 }
 

@@ -10,6 +10,7 @@ mod info;
 mod render;
 mod style;
 mod stylize;
+mod tile;
 mod train;
 
 use anyhow::Result;
@@ -30,6 +31,7 @@ pub struct Cli {
 enum Command {
     Info(info::InfoArgs),
     Convert(convert::ConvertArgs),
+    Tile(tile::TileArgs),
     Embed(embed::EmbedArgs),
     Train(Box<train::TrainArgs>),
     Style(style::StyleArgs),
@@ -63,6 +65,7 @@ impl Cli {
         match self.command {
             Command::Info(arguments) => info::run(&arguments),
             Command::Convert(arguments) => convert::run(&arguments),
+            Command::Tile(arguments) => tile::run(&arguments, interrupt),
             Command::Embed(arguments) => embed::run(&arguments, interrupt),
             Command::Train(arguments) => train::run(&arguments, interrupt),
             Command::Style(arguments) => style::run(&arguments),

@@ -24,13 +24,18 @@ pub struct ReadArgs {
 }
 
 impl ReadArgs {
+    /// The options.
+    pub fn options(self) -> ReadOptions {
+        let Self { axes, budget } = self;
+        ReadOptions { axes, budget }
+    }
+
     /// Reads a scene and prints its warnings.
     ///
     /// # Errors
     /// If the file cannot be read or is no scene.
     pub fn read(self, path: &Path) -> Result<Loaded> {
-        let Self { axes, budget } = self;
-        let loaded = read_scene_with(path, ReadOptions { axes, budget })?;
+        let loaded = read_scene_with(path, self.options())?;
         warn(&loaded.warnings);
         Ok(loaded)
     }

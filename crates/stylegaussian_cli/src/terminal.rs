@@ -151,8 +151,18 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 /// Runs a computation under a bar of the share that is done, such as `{bar:40} {percent}%, {eta} left`.
 pub fn with_bar<T>(template: &str, compute: impl FnOnce(&Work) -> T) -> T {
+    with_bar_until(template, &AtomicBool::new(false), compute)
+}
+
+/// As [`with_bar`]. The computation is canceled soon after `stop` is set.
+pub fn with_bar_until<T>(template: &str, stop: &AtomicBool, compute: impl FnOnce(&Work) -> T) -> T {
     let (work, bar) = (Work::default(), bar(SHARES, template));
-    let show = || bar.set_position((work.done() * SHARES as f32) as u64);
+    let show = || {
+        bar.set_position((work.done() * SHARES as f32) as u64);
+        if stop.load(Ordering::Relaxed) {
+            work.cancel();
+        }
+    };
     let result = thread::scope(|scope| {
         // Closed at the end of the computation, even if it panics.
         let (_end, ended) = channel::<()>();
@@ -237,6 +247,18 @@ mod tests {
     #[test]
     fn a_bar_ends_with_what_is_computed_under_it() {
         assert_eq!(with_bar("{percent}", |work| work.at(0.5)), Ok(()));
+    }
+
+    #[test]
+    fn what_is_computed_under_a_bar_is_canceled() {
+        let stop = AtomicBool::new(false);
+        with_bar_until("{percent}", &stop, |work| {
+            assert_eq!(work.check(), Ok(()));
+            stop.store(true, Ordering::Relaxed);
+            while work.check().is_ok() {
+                thread::sleep(LOOK_EVERY / 10);
+            }
+        });
     }
 
     #[test]

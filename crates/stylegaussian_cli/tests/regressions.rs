@@ -32,12 +32,14 @@ mod pytorch;
 mod scene;
 #[path = "../../../fuzz/readers/style.rs"]
 mod style;
+#[path = "../../../fuzz/readers/world.rs"]
+mod world;
 
 /// A folder of `fuzz/regressions`, and the reader of its files.
 type Target = (&'static str, fn(&[u8]));
 
 /// The readers, by the names of their folders.
-const READERS: [Target; 12] = [
+const READERS: [Target; 13] = [
     ("cameras", cameras::read),
     ("checkpoint", checkpoint::read),
     ("decoder", decoder::read),
@@ -50,6 +52,7 @@ const READERS: [Target; 12] = [
     ("pytorch", pytorch::read),
     ("scene", scene::read),
     ("style", style::read),
+    ("world", world::read),
 ];
 
 #[test]

@@ -14,15 +14,15 @@ use stylegaussian::{
     paint::{Paint, Pin, StoredPins},
 };
 use stylegaussian_files::{
-    Precision, write_decoder, write_look, write_mask, write_painted_style, write_pins, write_scene,
-    write_style,
+    Precision, world::FILE, write_decoder, write_look, write_mask, write_painted_style, write_pins,
+    write_scene, write_style,
 };
 
 /// Larger files make slow runs, and the fuzzer finds sizes by itself.
 const MOST_BYTES: u64 = 100_000;
 
 /// The fuzz targets.
-const TARGETS: [&str; 12] = [
+const TARGETS: [&str; 13] = [
     "scene",
     "decoder",
     "style",
@@ -30,6 +30,7 @@ const TARGETS: [&str; 12] = [
     "look",
     "mask",
     "pins",
+    "world",
     "pytorch",
     "image",
     "encoder",
@@ -70,6 +71,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     copy_all(&checkpoints, &corpus.join("pytorch"), &with(&["pth"]))?;
     copy_all(&data.join("zoo"), &corpus.join("image"), &with(&["png", "jpg", "webp"]))?;
     copy_all(&root.join("assets/styles"), &corpus.join("style"), &with(&["safetensors"]))?;
+    copy_all(&data.join("splats/playbot"), &corpus.join("world"), &|path| {
+        path.ends_with(FILE).then(Vec::new)
+    })?;
     let cameras = |path: &Path| (extension(path) == "json").then(|| vec![0, 255]);
     copy_all(&root.join("assets"), &corpus.join("cameras"), &cameras)?;
     Ok(())

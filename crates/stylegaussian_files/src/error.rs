@@ -31,15 +31,16 @@ pub enum FileError {
 }
 
 /// A mismatch inside some bytes. [`FileError::Unexpected`] adds the file's name.
-#[derive(Debug)]
-pub(super) struct Mismatch {
+#[derive(Debug, thiserror::Error)]
+#[error("found {found}, expected {expected}")]
+pub struct Mismatch {
     pub(super) found: String,
     pub(super) expected: String,
 }
 
 impl Mismatch {
     /// The mismatch as an error of the file at `path`.
-    pub(super) fn at(self, path: &Path) -> FileError {
+    pub fn at(self, path: &Path) -> FileError {
         FileError::Unexpected { path: path.into(), found: self.found, expected: self.expected }
     }
 }

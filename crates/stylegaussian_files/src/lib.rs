@@ -58,25 +58,29 @@ mod ply;
 pub mod pytorch;
 mod scenes;
 mod sgs;
+mod slices;
 mod sog;
 mod splat;
 mod spz;
 mod style;
 mod tensors;
+pub mod tile;
 mod upright;
+pub mod world;
 
 pub use animation::WebpAnimation;
 pub use atomic::{abandon_partial_files, expect_writable, write_atomically, write_by_name};
 use bytes::read_bytes;
 pub use colors::write_colors;
 pub use decoder::Precision;
-pub use error::{FileError, Loaded};
+pub use error::{FileError, Loaded, Mismatch};
 pub use format::{ReadOptions, WriteOptions};
 pub use formats::{readable_extensions, writable_extensions};
 pub use scenes::{
     Reading, SceneReader, read_scene, read_scene_with, scene_from_bytes, scene_to_bytes, write_scene,
     write_scene_with,
 };
+pub use slices::Slices;
 
 /// Reads a decoder (`*.decoder.safetensors`).
 ///

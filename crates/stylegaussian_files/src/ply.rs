@@ -7,10 +7,12 @@
 use std::fmt;
 
 use glam::Vec3;
+use ply_rs::ply::Encoding;
 
 use super::{
     error::{Loaded, Mismatch},
     format::Format,
+    slices,
 };
 
 mod color;
@@ -50,6 +52,32 @@ pub(super) fn read(bytes: Vec<u8>) -> Result<Loaded, Mismatch> {
     loaded.scene.filter = header.filter(&mut loaded.warnings);
     Ok(loaded)
 }
+
+/// The rows of a file that begins with `head`, or `None` if they have no common size: ascii, lists, several
+/// elements.
+pub(super) fn rows(head: &[u8]) -> Option<slices::Header> {
+    let end = head.windows(END.len()).position(|window| window == END)?;
+    let size = end + END.len() + head[end + END.len()..].iter().position(|&byte| byte == b'\n')? + 1;
+    let text = std::str::from_utf8(&head[..size]).ok()?;
+    let line = text.find("\nelement vertex ")? + "\nelement vertex ".len();
+    let digits = text[line..].find(|c: char| !c.is_ascii_digit())?;
+    let [before, after] = [&text[..line], &text[line + digits..]];
+    // The header of no row, which needs no bytes after it.
+    let header = Header::parse(format!("{before}0{after}").as_bytes()).ok()?;
+    let mut elements = header.elements();
+    let (vertex, is_alone) = (elements.next()?, elements.next().is_none());
+    let is_binary = header.encoding() != Encoding::Ascii;
+    Some(slices::Header {
+        before: before.into(),
+        after: after.into(),
+        count: Some(text[line..line + digits].parse().ok()?),
+        row: header.fixed_row(vertex).filter(|_| is_alone && is_binary)? as u64,
+        size: size as u64,
+    })
+}
+
+/// The last line of a header, without its end.
+const END: &[u8] = b"\nend_header";
 
 /// A direction for messages: an axis by its name.
 struct Direction(Vec3);

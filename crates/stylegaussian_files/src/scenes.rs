@@ -194,6 +194,6 @@ fn writer_for(path: &Path, scene: &Scene) -> Result<WriteScene, FileError> {
 }
 
 /// The extension in lower case, or an empty text if there is none.
-fn extension(path: &Path) -> String {
+pub(super) fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }

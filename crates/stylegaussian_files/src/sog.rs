@@ -22,6 +22,7 @@ use super::{
     format::{Format, ReadOptions},
     json::without_mark,
     pages::enlarge,
+    world::{self, World},
 };
 
 mod chunk;
@@ -31,14 +32,14 @@ mod plane;
 mod write;
 
 use chunk::{Chunk, Gaussians};
-use levels::Levels;
 use meta::Meta;
+pub(super) use write::write_folder;
 
 /// The name of the metadata in a folder or an archive.
 pub(super) const META: &str = "meta.json";
 
 /// The name of the levels of detail in a folder.
-pub(super) const LEVELS: &str = "lod-meta.json";
+pub(super) const LEVELS: &str = world::FILE;
 
 /// The format, bundled. It is read in any shape.
 pub(super) const FORMAT: Format =
@@ -263,10 +264,10 @@ fn parts<'a>(
     if keys.is_none_or(|keys| keys.levels.is_none()) {
         return Ok(vec![Part::open("", &files.main, None, warnings)?]);
     }
-    let levels = Levels::parse(&files.main)?;
+    let world = World::read_runs(&files.main)?;
     let mut parts = Vec::new();
     let mut budget = options.budget;
-    if let Some(path) = &levels.environment {
+    if let Some(path) = &world.environment {
         let bytes = files.others(std::slice::from_ref(path))?;
         let environment = Part::open(path, bytes[0], None, warnings)?;
         let n = environment.meta.count;
@@ -280,8 +281,8 @@ fn parts<'a>(
             }
         }
     }
-    let chosen = levels.choose(budget, warnings)?;
-    let paths: Vec<String> = chosen.keys().map(|&file| levels.filenames[file].clone()).collect();
+    let chosen = levels::choose(&world, budget, warnings);
+    let paths: Vec<String> = chosen.keys().map(|&file| world.files[file].clone()).collect();
     let metadata = files.others(&paths)?;
     for ((path, bytes), ranges) in paths.iter().zip(metadata).zip(chosen.into_values()) {
         parts.push(Part::open(path, bytes, Some(ranges), warnings)?);

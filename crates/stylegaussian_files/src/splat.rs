@@ -36,7 +36,7 @@ pub(super) const FORMAT: Format = Format {
 };
 
 /// Size of a Gaussian, in bytes.
-const ROW: usize = 32;
+pub(super) const ROW: usize = 32;
 
 /// Reads a scene.
 pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {

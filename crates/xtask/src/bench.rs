@@ -1,4 +1,4 @@
-//! `cargo xtask bench`: builds the harness for speed, and calls it.
+//! `cargo xtask bench` and `cargo xtask world`: builds the harness for speed, and calls it.
 
 use anyhow::Result;
 
@@ -13,4 +13,10 @@ pub fn run(arguments: &[String]) -> Result<()> {
     install_graphics(&mut steps, false)?;
     let harness = ["run", "--release", "--locked", "--package", "stylegaussian_bench", "--"];
     steps.run("bench", cargo(harness).args(arguments))
+}
+
+/// Calls the maker of large worlds with `arguments`. It explains them with `--help`.
+pub fn world(arguments: &[String]) -> Result<()> {
+    let maker = ["run", "--release", "--locked", "--package", "stylegaussian_bench", "--bin", "world", "--"];
+    Steps::default().run("world", cargo(maker).args(arguments))
 }

@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail, ensure};
 use crate::steps::{Steps, data_folder, workspace_root};
 
 /// The targets in `fuzz/`, and the feature that builds each. The quick ones to build come first.
-const TARGETS: [(&str, &str); 12] = [
+const TARGETS: [(&str, &str); 13] = [
     ("scene", ""),
     ("decoder", ""),
     ("style", ""),
@@ -16,6 +16,7 @@ const TARGETS: [(&str, &str); 12] = [
     ("look", ""),
     ("mask", ""),
     ("pins", ""),
+    ("world", ""),
     ("pytorch", ""),
     ("cameras", ""),
     ("checkpoint", ""),

@@ -1,5 +1,5 @@
-//! Set-up and chores of the workspace: `cargo xtask test | demo | bench | assets | fuzz | soak | web |
-//! package`.
+//! Set-up and chores of the workspace: `cargo xtask test | demo | bench | world | assets | fuzz | soak |
+//! web | package`.
 
 mod assets;
 mod bench;
@@ -27,6 +27,8 @@ Usage: cargo xtask <COMMAND>
   demo     the demo scene in every shipped style, in a window; without a display, as pictures in out/demo
   bench    how fast everything is, beside what it could be: [--quick] [--json FILE] \
            [--peer BINARY] [--only WORD]
+  world    a world of any size, copies of a scene on hills, in chunks that are streamed: N -o FOLDER, of N \
+           Gaussians at the finest level; [--scene FILE]
   assets   make everything in assets/ and the default decoder anew; needs the test data, and hours
   fuzz     every reader of files against made-up files: [TARGET...] [--seconds N], 60 each; needs nightly \
            and cargo-fuzz
@@ -54,6 +56,7 @@ fn run() -> Result<()> {
         ["test"] => test::run(),
         ["demo"] => demo::run(),
         ["bench", ..] => bench::run(&arguments[1..]),
+        ["world", ..] => bench::world(&arguments[1..]),
         ["assets"] => assets::run(),
         ["fuzz", ..] => fuzz::run(&arguments[1..]),
         ["soak", ..] => soak::run(&arguments[1..]),

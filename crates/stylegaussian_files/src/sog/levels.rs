@@ -1,134 +1,56 @@
-//! `lod-meta.json`: a scene at several levels of detail, cut into the nodes of a tree.
-//!
-//! Each node names a run of Gaussians in some chunk for every level at which it has any. Level 0 is the finest.
+//! Choosing the levels of detail at which a [`World`] is read as one scene.
 
 use std::{cmp::Reverse, collections::BTreeMap, ops::Range};
 
-use serde::Deserialize;
-
-use crate::{
-    error::{Mismatch, mismatch},
-    names::check_downward,
-};
-
-use super::meta::parse;
-
-/// The levels of detail of a scene.
-#[derive(Deserialize)]
-pub(super) struct Levels {
-    version: Option<serde_json::Number>,
-    #[serde(rename = "lodLevels")]
-    n_levels: u32,
-    /// Metadata of a chunk that surrounds the scene at every level, by its path.
-    pub environment: Option<String>,
-    /// Metadata of the chunks, by their paths.
-    pub filenames: Vec<String>,
-    tree: Node,
-}
-
-#[derive(Deserialize)]
-struct Node {
-    children: Option<Vec<Node>>,
-    lods: Option<BTreeMap<u32, Run>>,
-}
-
-/// A run of Gaussians.
-#[derive(Clone, Copy, Deserialize)]
-struct Run {
-    file: u32,
-    offset: u32,
-    count: u32,
-}
+use crate::world::{Node, Run, World};
 
 /// The runs that were chosen of each chunk, ascending and without overlap, by the chunk's position in
-/// [`Levels::filenames`].
+/// [`World::files`].
 pub(super) type Chosen = BTreeMap<usize, Vec<Range<usize>>>;
 
-impl Levels {
-    /// Reads the tree.
-    pub fn parse(json: &[u8]) -> Result<Self, Mismatch> {
-        let levels: Self = parse(json, "levels of detail of a streamed SOG")?;
-        if let Some(version) = levels.version.as_ref().filter(|version| version.as_u64() != Some(1)) {
-            return Err(mismatch(format_args!("streamed SOG version {version}"), "version 1 or none"));
-        }
-        levels.filenames.iter().chain(&levels.environment).try_for_each(|path| check_downward(path))?;
-        Ok(levels)
+/// The finest runs of all nodes that hold at most `budget` Gaussians together. Levels of nodes differ by one at
+/// most, the first nodes in the tree being finer. Without a budget, the finest level. The coarsest level is
+/// chosen even if it is too large, with a warning.
+pub(super) fn choose(world: &World, budget: Option<usize>, warnings: &mut Vec<String>) -> Chosen {
+    let runs = match budget {
+        None => world.nodes.iter().filter_map(|node| runs(node).next()).map(|(_, run)| run).collect(),
+        Some(budget) => within(&world.nodes, budget, warnings),
+    };
+    let mut chosen = Chosen::new();
+    for run in runs.into_iter().filter(|run| !run.range.is_empty()) {
+        chosen.entry(run.file).or_default().push(run.range.clone());
     }
-
-    /// The finest runs of all nodes that hold at most `budget` Gaussians together. Levels of nodes differ by
-    /// one at most, the first nodes in the tree being finer. Without a budget, the finest level. The coarsest
-    /// level is chosen even if it is too large, with a warning.
-    pub fn choose(&self, budget: Option<usize>, warnings: &mut Vec<String>) -> Result<Chosen, Mismatch> {
-        let mut nodes = Vec::new();
-        self.tree.collect(&mut nodes);
-        let chosen = match budget {
-            None => nodes.iter().filter_map(|lods| lods.values().next().copied()).collect(),
-            Some(budget) => within(&nodes, budget, warnings),
-        };
-        if let Some(level) =
-            nodes.iter().filter_map(|lods| lods.keys().next_back()).find(|&&l| l >= self.n_levels)
-        {
-            return Err(mismatch(
-                format_args!("level {level}"),
-                format_args!("levels below {}", self.n_levels),
-            ));
-        }
-        self.by_file(chosen)
-    }
-
-    /// The runs by their chunks.
-    fn by_file(&self, runs: Vec<Run>) -> Result<Chosen, Mismatch> {
-        let mut chosen = Chosen::new();
-        for Run { file, offset, count } in runs {
-            if file as usize >= self.filenames.len() {
-                let expected = format_args!("files below {}", self.filenames.len()).to_string();
-                return Err(mismatch(format_args!("file {file} in the tree"), expected));
-            }
-            if count > 0 {
-                let (start, end) = (offset as usize, offset as usize + count as usize);
-                chosen.entry(file as usize).or_default().push(start..end);
-            }
-        }
-        for (&file, runs) in &mut chosen {
-            runs.sort_unstable_by_key(|run| run.start);
-            // Overlapping runs would let a small file ask for a large scene.
-            if runs.windows(2).any(|pair| pair[0].end > pair[1].start) {
-                let found =
-                    format_args!("nodes that share Gaussians of `{}`", self.filenames[file]).to_string();
-                return Err(mismatch(found, "nodes with Gaussians of their own"));
-            }
-        }
-        Ok(chosen)
-    }
+    chosen.values_mut().for_each(|ranges| ranges.sort_unstable_by_key(|range| range.start));
+    chosen
 }
 
-impl Node {
-    /// The nodes with Gaussians, in the order of the tree. The depth is bounded by the JSON parser.
-    fn collect<'a>(&'a self, nodes: &mut Vec<&'a BTreeMap<u32, Run>>) {
-        nodes.extend(self.lods.as_ref().filter(|lods| !lods.is_empty()));
-        self.children.iter().flatten().for_each(|child| child.collect(nodes));
-    }
+/// The runs of a node with their levels, the finest first.
+fn runs(node: &Node) -> impl DoubleEndedIterator<Item = (usize, &Run)> {
+    node.levels.iter().enumerate().filter_map(|(level, run)| Some((level, run.as_ref()?)))
 }
 
 /// A run of each node: from the coarsest level on, one level after the other is entered until one does not fit.
-fn within(nodes: &[&BTreeMap<u32, Run>], budget: usize, warnings: &mut Vec<String>) -> Vec<Run> {
-    let mut chosen: Vec<Run> = nodes.iter().filter_map(|lods| lods.values().next_back().copied()).collect();
-    let mut total: u64 = chosen.iter().map(|run| u64::from(run.count)).sum();
+fn within<'a>(nodes: &'a [Node], budget: usize, warnings: &mut Vec<String>) -> Vec<&'a Run> {
+    let size = |run: &Run| run.range.len() as u64;
+    // Each node has a level.
+    let coarsest = nodes.iter().filter_map(|node| runs(node).next_back());
+    let mut chosen: Vec<&Run> = coarsest.map(|(_, run)| run).collect();
+    let mut total: u64 = chosen.iter().copied().map(size).sum();
     let budget = budget as u64;
     if total > budget {
         warnings.push(format!("the coarsest level has {total} Gaussians, more than the budget of {budget}"));
         return chosen;
     }
-    let mut steps: Vec<(u32, usize, Run)> = Vec::new();
-    for (node, lods) in nodes.iter().enumerate() {
+    let mut steps: Vec<(usize, usize, &Run)> = Vec::new();
+    for (i, node) in nodes.iter().enumerate() {
         // The last level is chosen already.
-        steps.extend(lods.iter().rev().skip(1).map(|(&level, &run)| (level, node, run)));
+        steps.extend(runs(node).rev().skip(1).map(|(level, run)| (level, i, run)));
     }
     steps.sort_by_key(|&(level, node, _)| (Reverse(level), node));
     for of_level in steps.chunk_by(|a, b| a.0 == b.0) {
         let mut all_fit = true;
         for &(_, node, run) in of_level {
-            let next = total - u64::from(chosen[node].count) + u64::from(run.count);
+            let next = total - size(chosen[node]) + size(run);
             if next <= budget {
                 (chosen[node], total) = (run, next);
             } else {
@@ -145,6 +67,7 @@ fn within(nodes: &[&BTreeMap<u32, Run>], budget: usize, warnings: &mut Vec<Strin
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Mismatch;
 
     /// Two nodes of three levels: 100 + 200, 40 + 60, and 10 in the first alone. Chunk per level.
     const TREE: &str = r#"{"lodLevels": 3, "environment": null,
@@ -157,7 +80,7 @@ mod tests {
 
     fn chosen(json: &str, budget: Option<usize>) -> Result<(Chosen, Vec<String>), Mismatch> {
         let mut warnings = Vec::new();
-        Ok((Levels::parse(json.as_bytes())?.choose(budget, &mut warnings)?, warnings))
+        Ok((choose(&World::read_runs(json.as_bytes())?, budget, &mut warnings), warnings))
     }
 
     #[test]

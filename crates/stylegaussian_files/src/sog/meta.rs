@@ -9,7 +9,7 @@ use stylegaussian::{scene::ScreenFilter, sh};
 use crate::{
     activate::sigmoid,
     error::{Mismatch, mismatch},
-    json::without_mark,
+    json::parse,
     names::check_plain,
 };
 
@@ -136,12 +136,6 @@ where
     let values = Vec::deserialize(deserializer)?;
     let found = values.len();
     values.try_into().map_err(|_| serde::de::Error::invalid_length(found, &format!("{N} values").as_str()))
-}
-
-/// JSON of a certain shape.
-pub(super) fn parse<'a, T: Deserialize<'a>>(json: &'a [u8], expected: &str) -> Result<T, Mismatch> {
-    serde_json::from_slice(without_mark(json))
-        .map_err(|error| mismatch(format_args!("JSON with an error ({error})"), expected))
 }
 
 impl Meta {

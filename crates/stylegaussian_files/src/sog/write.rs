@@ -1,6 +1,6 @@
-//! Writing a bundle of version 2: a zip archive of planes and `meta.json`.
+//! Writing version 2: planes and `meta.json`, in a zip archive or in a folder.
 
-use std::io::Write;
+use std::{fs, io::Write, path::Path};
 
 use glam::Quat;
 use image_webp::{ColorType, WebPEncoder};
@@ -14,8 +14,9 @@ use stylegaussian::{
 use super::{META, chunk::FIRST_TAG, plane::MAX_SIDE};
 use crate::{
     archive::write_stored,
+    atomic::write_atomically,
     distant,
-    error::mismatch,
+    error::{FileError, Mismatch, mismatch},
     format::{Unwritten, WriteOptions},
 };
 
@@ -31,18 +32,39 @@ const THINNEST: f32 = -20.0;
 /// Widths of planes are multiples of it, as in the files of PlayCanvas.
 const BLOCK: usize = 4;
 
-/// Writes Gaussians in the source's order, with colors of degree 0. Higher spherical harmonics, features,
-/// neighbors and decoder have no place in the file.
+/// Writes a bundle: Gaussians in the source's order, with colors of degree 0. Higher spherical harmonics,
+/// features, neighbors and decoder have no place in the file.
 pub(super) fn write(
     out: &mut dyn Write,
     scene: &Scene,
     _options: &WriteOptions,
 ) -> Result<Vec<String>, Unwritten> {
+    write_stored(out, &files(scene)?)?;
+    Ok(distant::left_out(scene).into_iter().collect())
+}
+
+/// As [`write`], into a folder, which is made. The metadata comes last, so a folder that has it is complete.
+/// The scene was checked and holds a Gaussian.
+///
+/// # Errors
+/// If there are more Gaussians than a plane has texels, or the operating system refuses.
+pub(crate) fn write_folder(folder: &Path, scene: &Scene) -> Result<(), FileError> {
+    fs::create_dir_all(folder).map_err(|source| FileError::Io { path: folder.into(), source })?;
+    let files = files(scene).map_err(|mismatch| mismatch.at(folder))?;
+    // The metadata is the first.
+    for (name, bytes) in files.iter().rev() {
+        write_atomically(&folder.join(name), |out| out.write_all(bytes))?;
+    }
+    Ok(())
+}
+
+/// The files of a scene and their names, the metadata first.
+fn files(scene: &Scene) -> Result<Vec<(&'static str, Vec<u8>)>, Mismatch> {
     let rows: Vec<usize> = scene.by_source().into_iter().map(|i| i as usize).collect();
     let n = rows.len();
     let width = ((n as f64).sqrt().ceil() as usize).next_multiple_of(BLOCK);
     if width > MAX_SIDE as usize {
-        return Err(mismatch(format_args!("{n} Gaussians"), "at most 2^28, which fit a plane").into());
+        return Err(mismatch(format_args!("{n} Gaussians"), "at most 2^28, which fit a plane"));
     }
     let logs: Vec<[f64; 3]> = rows.par_iter().map(|&i| scene.means[i].to_array().map(log)).collect();
     let end = |axis: usize, best: fn(f64, f64) -> f64| logs.iter().map(|log| log[axis]).reduce(best);
@@ -54,19 +76,21 @@ pub(super) fn write(
     let dc: Vec<[f32; 3]> = rows.par_iter().map(|&i| dc(scene, i)).collect();
     let (scale_book, dc_book) = rayon::join(|| Codebook::new(&scales), || Codebook::new(&dc));
     let opacity = |i: usize| (scene.opacities[i] * 255.0).round() as u8;
-    let plane = |texel: &(dyn Fn(usize) -> [u8; 4] + Sync)| plane(n, width, texel);
     let byte = |i: usize, shift: u32| {
         let [x, y, z] = places[i].map(|code| (code >> shift) as u8);
         [x, y, z, 255]
     };
     let with = |[r, g, b]: [u8; 3], alpha: u8| [r, g, b, alpha];
-    let entries = [
-        ("means_l.webp", plane(&|i| byte(i, 0))?),
-        ("means_u.webp", plane(&|i| byte(i, 8))?),
-        ("quats.webp", plane(&|i| quaternion(scene.rotations[rows[i]]))?),
-        ("scales.webp", plane(&|i| with(scale_book.codes(&scales[i]), 255))?),
-        ("sh0.webp", plane(&|i| with(dc_book.codes(&dc[i]), opacity(rows[i])))?),
+    let texels: [(&str, &(dyn Fn(usize) -> [u8; 4] + Sync)); 5] = [
+        ("means_l.webp", &|i| byte(i, 0)),
+        ("means_u.webp", &|i| byte(i, 8)),
+        ("quats.webp", &|i| quaternion(scene.rotations[rows[i]])),
+        ("scales.webp", &|i| with(scale_book.codes(&scales[i]), 255)),
+        ("sh0.webp", &|i| with(dc_book.codes(&dc[i]), opacity(rows[i]))),
     ];
+    // Each plane is packed by one thread, but they side by side.
+    let planes: Result<Vec<_>, Mismatch> =
+        texels.par_iter().map(|(name, texel)| Ok((*name, plane(n, width, *texel)?))).collect();
     let meta = json!({
         "version": 2, "count": n, "antialias": scene.filter == ScreenFilter::Antialiased,
         "means": {"mins": mins, "maxs": maxs, "files": ["means_l.webp", "means_u.webp"]},
@@ -74,10 +98,7 @@ pub(super) fn write(
         "quats": {"files": ["quats.webp"]},
         "sh0": {"codebook": dc_book.0, "files": ["sh0.webp"]},
     });
-    let entries: Vec<(&str, Vec<u8>)> =
-        [(META, meta.to_string().into_bytes())].into_iter().chain(entries).collect();
-    write_stored(out, &entries)?;
-    Ok(distant::left_out(scene).into_iter().collect())
+    Ok([(META, meta.to_string().into_bytes())].into_iter().chain(planes?).collect())
 }
 
 /// sign(v) ln (1 + |v|).
@@ -114,7 +135,7 @@ fn dc(scene: &Scene, i: usize) -> [f32; 3] {
 }
 
 /// A lossless image of `n` texels.
-fn plane(n: usize, width: usize, texel: &(dyn Fn(usize) -> [u8; 4] + Sync)) -> Result<Vec<u8>, Unwritten> {
+fn plane(n: usize, width: usize, texel: &(dyn Fn(usize) -> [u8; 4] + Sync)) -> Result<Vec<u8>, Mismatch> {
     let height = n.div_ceil(width);
     let of = |i: usize| if i < n { texel(i) } else { [0; 4] };
     let texels: Vec<[u8; 4]> = (0..width * height).into_par_iter().map(of).collect();
