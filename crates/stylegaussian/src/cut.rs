@@ -157,8 +157,8 @@ fn pixels_of(node: &CutNode) -> f32 {
     node.views.iter().map(|view| view.pixels(node.bounds)).fold(least, f32::max)
 }
 
-/// The level of the fewest Gaussians, the finest of several.
-fn fewest(counts: &[usize]) -> Option<usize> {
+/// The level of the fewest Gaussians, the finest of several, or `None` if there are none at any.
+pub fn fewest(counts: &[usize]) -> Option<usize> {
     (0..counts.len()).filter(|&level| counts[level] > 0).min_by_key(|&level| counts[level])
 }
 

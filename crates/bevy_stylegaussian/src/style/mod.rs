@@ -63,9 +63,10 @@ pub use wish::settings::StyleMethod;
 pub use wish::source::{HiddenUntilStyled, StyleInput, StyleSource, WeightedStyle};
 pub use wish::strokes::{StrokeDirection, VolumeStrokes};
 
+pub(crate) use make::job::StyleJobs;
 #[cfg(feature = "meshes")]
 pub(crate) use {
-    make::{brushwork::Brushwork, inputs::Inputs as StyleInputs, job::StyleJobs, shared::SharedStyle},
+    make::{brushwork::Brushwork, inputs::Inputs as StyleInputs, shared::SharedStyle},
     wish::event::StyleEvents,
 };
 

@@ -1,0 +1,233 @@
+//! The state of a world: the level that each node shows, and the one that is on its way.
+
+use std::{sync::Arc, time::Duration};
+
+use bevy::{
+    asset::AssetPath,
+    platform::collections::{HashMap, HashSet},
+    prelude::*,
+};
+use stylegaussian::cut;
+use stylegaussian_files::world::World as Levels;
+
+use crate::{
+    scene::{GaussianScene, beside},
+    work::Running,
+};
+
+/// The nodes of a world, and the chunks that they are cut from.
+#[derive(Component, Default)]
+pub(super) struct Tree {
+    /// The levels of detail that the nodes are of.
+    pub(super) levels: Option<Arc<Levels>>,
+    /// The manifest's path.
+    pub(super) path: Option<AssetPath<'static>>,
+    pub(super) nodes: Vec<Node>,
+    /// Gaussians of each chunk, as far as the nodes want them.
+    pub(super) chunk_sizes: Vec<usize>,
+    /// The chunks that are read, or were a short time ago, by their index in the manifest.
+    pub(super) chunks: HashMap<usize, Chunk>,
+    /// The surroundings, if there are any.
+    pub(super) environment: Option<(Entity, Handle<GaussianScene>)>,
+    /// Whether no levels were chosen yet.
+    pub(super) is_new: bool,
+    /// The files whose failure was told.
+    pub(super) told: HashSet<String>,
+}
+
+/// A part of a world.
+pub(super) struct Node {
+    /// Gaussians at each level: 0 if it has none, or if they cannot be had.
+    pub(super) counts: Vec<usize>,
+    /// The level that the cut asks for, or `None` for nothing.
+    pub(super) wanted: Option<usize>,
+    /// Pixels along it in the view that is nearest to it, or that was a moment ago.
+    pub(super) pixels: f32,
+    pub(super) shown: Option<Shown>,
+    pub(super) coming: Option<Coming>,
+}
+
+/// A run that is shown.
+#[derive(Clone, Copy)]
+pub(super) struct Shown {
+    pub(super) level: usize,
+    pub(super) entity: Entity,
+}
+
+/// A run that takes the place of the one that is shown.
+pub(super) struct Coming {
+    pub(super) level: usize,
+    pub(super) stage: Stage,
+}
+
+/// The way of a run onto the screen.
+pub(super) enum Stage {
+    /// It waits for its chunk, or for others to leave.
+    Waiting,
+    /// A task cuts it out of its chunk.
+    Cutting(Running<Result<GaussianScene, String>>),
+    /// Its entity is hidden until it can be drawn.
+    Hidden(Entity),
+}
+
+/// A chunk in memory, or on its way.
+pub(super) struct Chunk {
+    pub(super) handle: Handle<GaussianScene>,
+    /// When a node last wanted it.
+    pub(super) used: Duration,
+}
+
+/// A run of a world, and its child.
+#[derive(Component)]
+pub(super) struct Run {
+    pub(super) world: Entity,
+    /// The node, or `None` for the surroundings.
+    pub(super) node: Option<usize>,
+    /// Whether it is on the GPU, and so is what draws it.
+    pub(super) is_drawable: bool,
+}
+
+impl Tree {
+    /// The nodes of a manifest, none of which is shown.
+    pub(super) fn new(levels: &Arc<Levels>, path: Option<AssetPath<'static>>) -> Self {
+        let node = |node: &stylegaussian_files::world::Node| Node {
+            counts: node.levels.iter().map(|run| run.as_ref().map_or(0, |run| run.range.len())).collect(),
+            wanted: None,
+            pixels: 0.0,
+            shown: None,
+            coming: None,
+        };
+        let mut chunk_sizes = vec![0; levels.files.len()];
+        for run in levels.nodes.iter().flat_map(|node| node.levels.iter().flatten()) {
+            if let Some(size) = chunk_sizes.get_mut(run.file) {
+                *size = run.range.end.max(*size);
+            }
+        }
+        Self {
+            nodes: levels.nodes.iter().map(node).collect(),
+            levels: Some(Arc::clone(levels)),
+            path,
+            chunk_sizes,
+            is_new: true,
+            ..Self::default()
+        }
+    }
+
+    /// The path of a file that the manifest names.
+    pub(super) fn path_of(&self, file: &str) -> AssetPath<'static> {
+        match &self.path {
+            Some(path) => beside(path, file),
+            None => AssetPath::from_path_buf(file.into()),
+        }
+    }
+
+    /// Whether the nodes are of these levels.
+    pub(super) fn is_of(&self, levels: &Arc<Levels>) -> bool {
+        self.levels.as_ref().is_some_and(|own| Arc::ptr_eq(own, levels))
+    }
+
+    /// Gaussians of the surroundings, once they are loaded.
+    pub(super) fn n_around(&self, scenes: &Assets<GaussianScene>) -> usize {
+        let scene = self.environment.as_ref().and_then(|(_, handle)| scenes.get(handle));
+        scene.map_or(0, |scene| scene.scene().len())
+    }
+
+    /// All entities that it has.
+    pub(super) fn entities(&self) -> impl Iterator<Item = Entity> {
+        let coming = |node: &Node| node.coming.as_ref().and_then(Coming::entity);
+        let of_node = move |node: &Node| [node.shown.map(|shown| shown.entity), coming(node)];
+        self.nodes
+            .iter()
+            .flat_map(of_node)
+            .flatten()
+            .chain(self.environment.iter().map(|(entity, _)| *entity))
+    }
+
+    /// The nodes that are to show another level, those in which the present one is worst first.
+    pub(super) fn waiting(&self) -> Vec<usize> {
+        let mut waiting: Vec<usize> = (0..self.nodes.len()).filter(|&i| self.nodes[i].is_waiting()).collect();
+        waiting.sort_by(|&a, &b| {
+            let (a, b) = (&self.nodes[a], &self.nodes[b]);
+            // A hole is worse than anything.
+            a.shown.is_some().cmp(&b.shown.is_some()).then(b.error().total_cmp(&a.error()))
+        });
+        waiting
+    }
+
+    /// Notes that a chunk cannot be had. What is shown of it stays.
+    pub(super) fn give_up_chunk(&mut self, file: usize) {
+        let Some(levels) = &self.levels else { return };
+        for (node, of_file) in self.nodes.iter_mut().zip(&levels.nodes) {
+            for (level, run) in of_file.levels.iter().enumerate() {
+                if run.as_ref().is_some_and(|run| run.file == file) {
+                    node.give_up(level);
+                }
+            }
+        }
+        self.chunks.remove(&file);
+    }
+}
+
+impl Node {
+    /// Gaussians that are shown, or will be once those on their way have taken their place.
+    pub(super) fn committed(&self) -> usize {
+        match &self.coming {
+            Some(Coming { level, stage: Stage::Cutting(_) | Stage::Hidden(_) }) => self.counts[*level],
+            _ => self.n_shown(),
+        }
+    }
+
+    /// Gaussians that are shown.
+    pub(super) fn n_shown(&self) -> usize {
+        self.shown.map_or(0, |shown| self.counts[shown.level])
+    }
+
+    /// Gaussians in memory that are not shown yet.
+    pub(super) fn n_arriving(&self) -> usize {
+        let entity = self.coming.as_ref().filter(|coming| coming.entity().is_some());
+        entity.map_or(0, |coming| self.counts[coming.level])
+    }
+
+    /// The level to show next, or `None` for nothing. The fewest Gaussians come first, so that something is
+    /// there soon.
+    pub(super) fn next(&self) -> Option<usize> {
+        let wanted = self.wanted?;
+        if self.shown.is_some() { Some(wanted) } else { cut::fewest(&self.counts) }
+    }
+
+    /// Whether another level is to be shown.
+    pub(super) fn is_waiting(&self) -> bool {
+        self.wanted != self.shown.map(|shown| shown.level)
+    }
+
+    /// The distance of the shown Gaussians in pixels.
+    fn error(&self) -> f32 {
+        cut::error(self.pixels, self.n_shown())
+    }
+
+    /// Notes that a level cannot be had.
+    pub(super) fn give_up(&mut self, level: usize) {
+        if self.shown.is_none_or(|shown| shown.level != level) {
+            self.counts[level] = 0;
+            self.wanted = self.wanted.filter(|wanted| *wanted != level);
+            self.wanted = self.wanted.or(self.shown.map(|shown| shown.level));
+        }
+    }
+
+    /// Takes back what is on its way.
+    pub(super) fn drop_coming(&mut self, commands: &mut Commands) {
+        if let Some(entity) = self.coming.take().and_then(|coming| coming.entity()) {
+            commands.entity(entity).try_despawn();
+        }
+    }
+}
+
+impl Coming {
+    /// Its entity, if it has one.
+    fn entity(&self) -> Option<Entity> {
+        match self.stage {
+            Stage::Hidden(entity) => Some(entity),
+            Stage::Waiting | Stage::Cutting(_) => None,
+        }
+    }
+}
