@@ -36,9 +36,9 @@
 //! - Resources: [`StyleMethod`](style::StyleMethod), [`StyleThreads`], [`GaussianBudget`], and those of the
 //!   [decoder](style::decoder).
 //! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`],
-//!   [`GaussianWorldFailed`], [`StyleRecolored`](style::StyleRecolored), [`StyleApplied`], `StyleRefined`, [`StyleFailed`],
-//!   [`StyleMaskFailed`](mask::StyleMaskFailed). The component [`AppliedStyle`] holds the style that an entity
-//!   shows, and can save the styled scene.
+//!   [`GaussianWorldFailed`], [`StyleRecolored`](style::StyleRecolored), [`StyleApplied`], `StyleRefined`,
+//!   [`StyleFailed`], [`StyleMaskFailed`](mask::StyleMaskFailed). The component [`AppliedStyle`] holds the style
+//!   that an entity shows, and can save the styled scene.
 //!
 //! The root has what most games name. The rest is in modules: [`scene`], [`style`] with its
 //! [`decoder`](style::decoder), [`mask`], [`picking`] and [`world`].

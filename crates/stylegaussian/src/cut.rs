@@ -28,8 +28,8 @@ pub struct CutView {
 }
 
 impl CutView {
-    /// A camera's view. `world_from_view` is its place, and `clip_from_view` its projection, whose depth may run
-    /// either way. The picture is `height` pixels high.
+    /// A camera's view. `world_from_view` is its place, and `clip_from_view` its projection, whose depth may
+    /// run either way. The picture is `height` pixels high.
     pub fn new(world_from_view: Affine3A, clip_from_view: Mat4, height: f32) -> Self {
         let clip_from_world = clip_from_view * Mat4::from(world_from_view.inverse());
         let [x, y, z, w] = [0, 1, 2, 3].map(|i| clip_from_world.row(i));
@@ -98,8 +98,8 @@ pub fn error(pixels: f32, count: usize) -> f32 {
 /// Chooses a level for each node, `budget` Gaussians of all of them at most. `before` is the last cut's choice,
 /// which stays where views hardly change; it may be shorter.
 ///
-/// Nodes that no view sees have their fewest Gaussians. If those of all nodes exceed the budget, nodes of little
-/// error have none. Of nodes with equal boxes and counts, a nearer one has no coarser level. The same input
+/// Nodes that no view sees have their fewest Gaussians. If those of all nodes exceed the budget, nodes of
+/// little error have none. Of nodes with equal boxes and counts, a nearer one has no coarser level. The same input
 /// gives the same cut, and a cut from itself is itself.
 pub fn cut(nodes: &[CutNode], budget: usize, before: &[Option<usize>]) -> Cut {
     let pixels: Vec<f32> = nodes.iter().map(pixels_of).collect();
