@@ -63,10 +63,14 @@ pub use wish::settings::StyleMethod;
 pub use wish::source::{HiddenUntilStyled, StyleInput, StyleSource, WeightedStyle};
 pub use wish::strokes::{StrokeDirection, VolumeStrokes};
 
-pub(crate) use make::job::StyleJobs;
+pub(crate) use make::{
+    beside::{Beside, PaintedBeside},
+    job::StyleJobs,
+    shared::SharedStyle,
+};
 #[cfg(feature = "meshes")]
 pub(crate) use {
-    make::{brushwork::Brushwork, inputs::Inputs as StyleInputs, shared::SharedStyle},
+    make::{brushwork::Brushwork, inputs::Inputs as StyleInputs},
     wish::event::StyleEvents,
 };
 

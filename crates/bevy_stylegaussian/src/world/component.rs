@@ -18,6 +18,10 @@ use super::{asset::WorldManifest, tree::Tree};
 /// [`HiddenUntilStyled`](crate::HiddenUntilStyled), the first level of a part waits for its paint as well.
 /// Pins and looks are of single scenes, and do not fit a world.
 ///
+/// All parts are painted to look like one scene, which some Gaussians of the coarsest levels are painted as
+/// first: in one palette, in strokes of one size and contrast. Each part searches for its strokes by itself, so
+/// a stroke ends where its part ends. In a browser, each part is painted alone.
+///
 /// ```
 /// # use bevy::prelude::*;
 /// # use bevy_stylegaussian::{StyleSource, world::GaussianWorld};

@@ -9,7 +9,8 @@
 //! while.
 
 // This is the top room. `plan` follows manifests and chooses levels; `stream` reads chunks, cuts runs out of
-// them and swaps them, one child per run (`tree` has the state); `style` gives children what their world has.
+// them and swaps them, one child per run (`tree` has the state); `style` gives children what their world has,
+// and `reference` what they are painted like.
 
 use bevy::{
     camera::visibility::{RenderLayers, VisibilitySystems},
@@ -27,6 +28,7 @@ mod asset;
 mod component;
 mod failure;
 mod plan;
+mod reference;
 mod stream;
 mod style;
 mod tree;
@@ -64,8 +66,9 @@ impl Plugin for WorldPlugin {
                         style::hand_down::<SplatShadows>,
                         style::hand_down::<StyleDecoder>,
                         style::hand_down_transitions,
-                        style::style_runs,
                     ),
+                    reference::make_references,
+                    style::style_runs,
                 )
                     .chain()
                     // A run that takes the place of another is seen in the frame in which the other goes.

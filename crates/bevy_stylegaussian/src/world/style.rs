@@ -1,9 +1,14 @@
 //! What runs have of their world: its style, and the other components that hold for all of it.
 
+use std::sync::Arc;
+
 use bevy::prelude::*;
 
-use super::tree::{Run, Tree};
-use crate::style::{StyleJobs, StyleSource, StyleTransition};
+use super::{
+    reference::{IsReference, Painted, Reference},
+    tree::{Run, Tree},
+};
+use crate::style::{Beside, PaintedBeside, StyleJobs, StyleSource, StyleTransition};
 
 /// Runs that are styled at a time. A lane of threads does one thing after another, and has the next ones in
 /// time; what waits longer can be overtaken by what a camera turned to.
@@ -45,37 +50,79 @@ type StyledRun = (Entity, &'static Run, Option<&'static mut StyleSource>, Option
 /// Gives runs the style of their world: those that are largest on screen first, a few at a time.
 pub(super) fn style_runs(
     mut commands: Commands,
-    worlds: Query<(&Tree, Option<&StyleSource>), Without<Run>>,
+    mut worlds: Query<(&mut Tree, Option<&StyleSource>), Without<Run>>,
+    references: Query<StyleState, (With<IsReference>, Without<Run>)>,
     mut runs: Query<StyledRun>,
 ) {
     let (mut waiting, mut n_busy) = (Vec::new(), 0);
     for (entity, run, own, jobs) in &mut runs {
-        let Ok((tree, source)) = worlds.get(run.world) else { continue };
+        let Ok((mut tree, source)) = worlds.get_mut(run.world) else { continue };
         match (source, own) {
             (None, None) => {}
             (None, Some(_)) => {
-                commands.entity(entity).try_remove::<StyleSource>();
+                commands.entity(entity).try_remove::<(StyleSource, PaintedBeside)>();
             }
             (Some(source), None) if source.is_none() => {}
-            // Knobs and a style that goes take no time, and one that nobody wants any more is not computed.
-            (Some(source), Some(mut own))
-                if source.is_none() || own.is_computed_like(source) || is_busy(jobs) =>
-            {
+            // Knobs take no time, nor does a style that goes.
+            (Some(source), Some(mut own)) if source.is_none() || own.is_computed_like(source) => {
                 if *own != *source {
                     own.clone_from(source);
                 }
                 n_busy += usize::from(!source.is_none() && is_busy(jobs));
             }
             (Some(source), _) => {
-                let node = run.node.and_then(|node| tree.nodes.get(node));
-                // Surroundings are everywhere.
-                waiting.push((node.map_or(f32::MAX, |node| node.pixels), entity, source));
+                if tree.beside(source, &references, &mut commands).is_some() {
+                    let node = run.node.and_then(|node| tree.nodes.get(node));
+                    // Surroundings are everywhere.
+                    waiting.push((node.map_or(f32::MAX, |node| node.pixels), entity, run.world));
+                }
             }
         }
     }
-    waiting.sort_by(|(a, first, _), (b, second, _)| b.total_cmp(a).then(first.cmp(second)));
-    for (_, entity, source) in waiting.into_iter().take(AT_ONCE.saturating_sub(n_busy)) {
-        commands.entity(entity).try_insert(source.clone());
+    waiting.sort_by(|(a, first, ..), (b, second, ..)| b.total_cmp(a).then(first.cmp(second)));
+    for (_, entity, world) in waiting.into_iter().take(AT_ONCE.saturating_sub(n_busy)) {
+        let Ok((mut tree, Some(source))) = worlds.get_mut(world) else { continue };
+        let beside = tree.beside(source, &references, &mut commands).flatten();
+        let mut run = commands.entity(entity);
+        run.try_insert(source.clone());
+        match beside {
+            Some(beside) => {
+                run.try_insert(PaintedBeside(beside));
+            }
+            None => {
+                run.try_remove::<PaintedBeside>();
+            }
+        }
+    }
+}
+
+impl Tree {
+    /// The painted scene that runs of this style stand beside, `Some(None)` if there is none, or `None` while
+    /// it is on its way.
+    fn beside(
+        &mut self,
+        source: &StyleSource,
+        references: &Query<StyleState, (With<IsReference>, Without<Run>)>,
+        commands: &mut Commands,
+    ) -> Option<Option<Arc<Beside>>> {
+        let (child, painted) = match &mut self.reference {
+            None | Some(Reference::Gathering(_)) => return None,
+            Some(Reference::Absent) => return Some(None),
+            Some(Reference::There { child, painted }) => (*child, painted),
+        };
+        let (own, jobs) = references.get(child).ok()?;
+        if !own.is_some_and(|own| own.is_computed_like(source)) {
+            commands.entity(child).try_insert(source.clone());
+            return None;
+        }
+        let shown = jobs.filter(|jobs| !is_busy(Some(*jobs)))?.shown();
+        // One that failed shows none, or the one before.
+        let Some(style) = shown else { return Some(None) };
+        if painted.as_ref().is_none_or(|painted| !Arc::ptr_eq(&painted.style, style)) {
+            let beside = style.to_others().map(Arc::new);
+            *painted = Some(Painted { style: Arc::clone(style), beside });
+        }
+        Some(painted.as_ref()?.beside.clone())
     }
 }
 

@@ -10,6 +10,7 @@ use bevy::{
 use stylegaussian::cut;
 use stylegaussian_files::world::World as Levels;
 
+use super::reference::Reference;
 use crate::{
     scene::{GaussianScene, beside},
     work::Running,
@@ -29,6 +30,8 @@ pub(super) struct Tree {
     pub(super) chunks: HashMap<usize, Chunk>,
     /// The surroundings, if there are any.
     pub(super) environment: Option<(Entity, Handle<GaussianScene>)>,
+    /// The scene in whose manner it is painted, once it is styled.
+    pub(super) reference: Option<Reference>,
     /// Whether no levels were chosen yet.
     pub(super) is_new: bool,
     /// The files whose failure was told.
@@ -136,11 +139,12 @@ impl Tree {
     pub(super) fn entities(&self) -> impl Iterator<Item = Entity> {
         let coming = |node: &Node| node.coming.as_ref().and_then(Coming::entity);
         let of_node = move |node: &Node| [node.shown.map(|shown| shown.entity), coming(node)];
-        self.nodes
-            .iter()
-            .flat_map(of_node)
-            .flatten()
-            .chain(self.environment.iter().map(|(entity, _)| *entity))
+        let reference = match self.reference {
+            Some(Reference::There { child, .. }) => Some(child),
+            _ => None,
+        };
+        let others = self.environment.iter().map(|(entity, _)| *entity).chain(reference);
+        self.nodes.iter().flat_map(of_node).flatten().chain(others)
     }
 
     /// The nodes that are to show another level, those in which the present one is worst first.
@@ -203,6 +207,11 @@ impl Node {
     /// The distance of the shown Gaussians in pixels.
     fn error(&self) -> f32 {
         cut::error(self.pixels, self.n_shown())
+    }
+
+    /// An entity that has some of its Gaussians.
+    pub(super) fn entity(&self) -> Option<Entity> {
+        self.shown.map(|shown| shown.entity).or_else(|| self.coming.as_ref()?.entity())
     }
 
     /// Notes that a level cannot be had.

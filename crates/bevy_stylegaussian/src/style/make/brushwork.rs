@@ -1,19 +1,18 @@
 //! The paint of a style, as meshes take it.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use stylegaussian::{
     Scene,
     mesh::Sky,
-    paint::{self, Company, Hand, Painted, Surface},
+    paint::{self, Hand, Painted, Surface},
     restyle::{self, Recipe},
-    strokes::Strokes,
     work::{Canceled, Work},
 };
 
 use super::{
+    beside::Beside,
     request::{Decided, Failure, GivenTints, LaterCanvas, Same, as_parts, made},
-    worker::Ground,
 };
 use crate::style::wish::error::StyleError;
 
@@ -25,20 +24,6 @@ pub(crate) struct Brushwork {
     content: f64,
     /// The painted scene that meshes stand beside, or `None` if each stands alone.
     beside: Option<Beside>,
-}
-
-/// A painted scene.
-pub(crate) struct Beside {
-    surface: Same<Ground>,
-    strokes: Same<Strokes>,
-    /// What it tells the meshes beside it, once the first of them has asked. `None` if it tells nothing.
-    company: OnceLock<Option<Company>>,
-}
-
-impl Beside {
-    pub(super) fn new(surface: Same<Ground>, strokes: Same<Strokes>) -> Self {
-        Self { surface, strokes, company: OnceLock::new() }
-    }
 }
 
 impl PartialEq for Brushwork {
@@ -106,12 +91,7 @@ impl Brushwork {
         let (surfaces, laying) = (work.part(0.1, 0.6), work.part(0.6, 1.0));
         if let Some(beside) = &self.beside {
             let painted = &beside.surface.0;
-            if beside.company.get().is_none() {
-                let company = Company::new(painted, &paintings, &hand, &beside.strokes.0, work)?;
-                // Jobs of a lane are done one after another, so nobody else has set it.
-                let _ = beside.company.set(company);
-            }
-            if let Some(Some(company)) = beside.company.get() {
+            if let Some(company) = beside.company(&paintings, &hand, work)? {
                 let surface = Surface::beside(spots, painted, scale, &surfaces)?;
                 let how = (&hand, self.content, company);
                 return Ok(paint::lay_beside(spots, &surface, &paintings, how, &laying)?);
