@@ -66,7 +66,7 @@ pub(super) fn style_runs(
             // Knobs take no time, nor does a style that goes.
             (Some(source), Some(mut own)) if source.is_none() || own.is_computed_like(source) => {
                 if *own != *source {
-                    own.clone_from(source);
+                    *own = source.clone();
                 }
                 n_busy += usize::from(!source.is_none() && is_busy(jobs));
             }

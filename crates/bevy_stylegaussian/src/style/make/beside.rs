@@ -9,12 +9,12 @@ use stylegaussian::{
     work::{Canceled, Work},
 };
 
-use super::{request::Same, worker::Ground};
+use super::worker::Ground;
 
 /// A painted scene.
 pub(crate) struct Beside {
-    pub(super) surface: Same<Ground>,
-    pub(super) strokes: Same<Strokes>,
+    pub(super) surface: Arc<Ground>,
+    pub(super) strokes: Arc<Strokes>,
     /// What it tells those beside it, once the first of them has asked. `None` if it tells nothing.
     company: OnceLock<Option<Company>>,
 }
@@ -24,7 +24,7 @@ pub(crate) struct Beside {
 pub(crate) struct PaintedBeside(pub(crate) Arc<Beside>);
 
 impl Beside {
-    pub(super) fn new(surface: Same<Ground>, strokes: Same<Strokes>) -> Self {
+    pub(super) fn new(surface: Arc<Ground>, strokes: Arc<Strokes>) -> Self {
         Self { surface, strokes, company: OnceLock::new() }
     }
 
@@ -39,7 +39,7 @@ impl Beside {
         work: &Work,
     ) -> Result<Option<&Company>, Canceled> {
         if self.company.get().is_none() {
-            let company = Company::new(&self.surface.0, paintings, hand, &self.strokes.0, work)?;
+            let company = Company::new(&self.surface, paintings, hand, &self.strokes, work)?;
             // Jobs of a lane are done one after another, so nobody else has set it.
             let _ = self.company.set(company);
         }

@@ -29,7 +29,8 @@ pub(crate) struct Brushwork {
 impl PartialEq for Brushwork {
     fn eq(&self, other: &Self) -> bool {
         let of = |brushwork: &Self| {
-            brushwork.beside.as_ref().map(|beside| (beside.surface.clone(), beside.strokes.clone()))
+            let beside = brushwork.beside.as_ref();
+            beside.map(|beside| (Same(Arc::clone(&beside.surface)), Same(Arc::clone(&beside.strokes))))
         };
         self.canvases == other.canvases
             && self.decided == other.decided
@@ -50,12 +51,12 @@ impl Brushwork {
 
     /// Size of a pixel of the painting in units of the painted scene, or `None` if meshes stand alone.
     pub(crate) fn pixel(&self) -> Option<f32> {
-        self.beside.as_ref().map(|beside| beside.surface.0.pixel())
+        self.beside.as_ref().map(|beside| beside.surface.pixel())
     }
 
     /// The scale at which a sky is painted: see [`Sky::scale`].
     pub(crate) fn sky_scale(&self) -> f32 {
-        self.beside.as_ref().map_or(1.0, |beside| Sky::scale(&beside.surface.0))
+        self.beside.as_ref().map_or(1.0, |beside| Sky::scale(&beside.surface))
     }
 
     /// Paints the spots of a mesh, in whose units one of the painted scene has the size `scale`. Not for the
@@ -90,7 +91,7 @@ impl Brushwork {
         };
         let (surfaces, laying) = (work.part(0.1, 0.6), work.part(0.6, 1.0));
         if let Some(beside) = &self.beside {
-            let painted = &beside.surface.0;
+            let painted = &beside.surface;
             if let Some(company) = beside.company(&paintings, &hand, work)? {
                 let surface = Surface::beside(spots, painted, scale, &surfaces)?;
                 let how = (&hand, self.content, company);

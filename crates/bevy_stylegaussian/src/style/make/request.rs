@@ -199,7 +199,7 @@ impl StyleRequest {
     /// The painted scene, which has these `strokes`, for others beside it. `None` if it is not painted.
     pub(crate) fn to_others(&self, strokes: Arc<Strokes>) -> Option<Beside> {
         let Styles::Painted { surface, .. } = &self.styles else { return None };
-        Some(Beside::new(surface.clone(), Same(strokes)))
+        Some(Beside::new(Arc::clone(&surface.0), strokes))
     }
 
     /// The same style in other colors of its paintings, under the `strokes` that it has, or `None` if `colors`

@@ -42,7 +42,7 @@ impl Surfaces {
         workers: &Workers,
     ) -> Input<Arc<Ground>> {
         let begin = || {
-            let surface = worker::ground(loaded.scene(), beside.map(|beside| &beside.surface.0), workers);
+            let surface = worker::ground(loaded.scene(), beside.map(|beside| &beside.surface), workers);
             Wanted { surface, is_wanted: true, is_awaited: true }
         };
         let wanted = self.0.get_or_insert_with(loaded, begin);
