@@ -51,6 +51,10 @@ pub const BY_DISTANCE: u32 = 4;
 pub const ANTIALIASED: u32 = 8;
 /// `SplatChunk::flags`: the mask shows painted splats, and does not hide them.
 pub const CROPPED: u32 = 16;
+/// `SplatChunk::flags` from this bit on: the share of all opacities that is faded out, of [`MAX_FADED`].
+pub const FADED_SHIFT: u32 = 16;
+/// The number in `SplatChunk::flags` of a chunk that is faded out.
+pub const MAX_FADED: u32 = 0xffff;
 
 /// `mode` of the composite: the layer as it is.
 pub const MODE_ENCODED: u32 = 0;
@@ -105,6 +109,8 @@ fn constants() -> String {
         ("BY_DISTANCE", BY_DISTANCE),
         ("ANTIALIASED", ANTIALIASED),
         ("CROPPED", CROPPED),
+        ("FADED_SHIFT", FADED_SHIFT),
+        ("MAX_FADED", MAX_FADED),
         ("MODE_ENCODED", MODE_ENCODED),
         ("MODE_LINEAR", MODE_LINEAR),
         ("MODE_REINHARD", MODE_REINHARD),
@@ -370,7 +376,7 @@ pub struct SplatChunk {
     pub first_record: u32,
     /// Degree of the spherical harmonics, or [`NO_SH`].
     pub sh_degree: u32,
-    /// [`CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`], [`CROPPED`].
+    /// [`CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`], [`CROPPED`]. From [`FADED_SHIFT`] on: a share.
     pub flags: u32,
     /// Position of the mask's channel in a word, in bits.
     pub mask_shift: u32,

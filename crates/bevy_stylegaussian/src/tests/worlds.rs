@@ -3,7 +3,7 @@
 
 use std::{fs, path::Path};
 
-use bevy::prelude::*;
+use bevy::{prelude::*, render::settings::WgpuSettings};
 use stylegaussian::Scene;
 use stylegaussian_files::{
     world::{FILE, Node as Cell, Run, World as Levels},
@@ -11,9 +11,9 @@ use stylegaussian_files::{
 };
 use tempfile::TempDir;
 
-use super::world::*;
+use super::world::{rendering::*, *};
 use crate::{
-    GaussianScene, GaussianSplats, SplatTint,
+    GaussianScene, GaussianSplats, SplatTint, StyleGaussianPlugin,
     scene::LoadedScene,
     world::{GaussianBudget, GaussianWorld, GaussianWorldFailed, WorldState},
 };
@@ -218,6 +218,63 @@ fn nothing_is_left_of_a_world_that_goes() {
             runs.iter(app).count() == 0 && app.resource::<Assets<GaussianScene>>().is_empty()
         });
     }
+}
+
+/// Pixels that show something never become fewer while finer levels fade in over coarser ones.
+#[test]
+fn nothing_is_lost_while_levels_change() {
+    if !has_adapter() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    write_world(folder.path());
+    let file_path = folder.path().to_string_lossy().into_owned();
+    let mut app = app_of_settings(WgpuSettings::default(), AssetPlugin { file_path, ..default() });
+    app.insert_resource(QUICK_THREADS);
+    app.add_plugins(StyleGaussianPlugin { synchronous_pipeline_compilation: true });
+    let mut app = finish(app);
+    // The first level alone, and then all.
+    app.insert_resource(GaussianBudget { gaussians: 32, ..default() });
+    let image = render_target(&mut app, UVec2::splat(48));
+    app.world_mut().spawn((
+        Camera3d::default(),
+        Camera { clear_color: Color::BLACK.into(), ..default() },
+        target(&image),
+        Transform::from_xyz(0.0, 0.0, 4.0),
+    ));
+    let manifest = app.world().resource::<AssetServer>().load(FILE);
+    let world = app.world_mut().spawn(GaussianWorld(manifest)).id();
+    let is_there = |n: usize| {
+        move |world_of: &mut World| {
+            let state = world_of.get::<WorldState>(world).unwrap();
+            state.is_settled() && state.shown == n && state.arriving == 0
+        }
+    };
+    update_until(&mut app, "the coarsest level", is_there(32));
+    let n_lit = |app: &App| {
+        read_back(app, &image).iter().filter(|pixel| pixel[..3].iter().any(|c| *c > 0.02)).count()
+    };
+    // What is there has come in by then.
+    let begun = std::time::Instant::now();
+    while begun.elapsed().as_millis() < 300 {
+        app.update();
+    }
+    let before = n_lit(&app);
+    assert!(before > 50, "{before} pixels");
+    app.insert_resource(GaussianBudget { gaussians: BUDGET, ..default() });
+    let mut least = before;
+    let is_finer = is_there(BUDGET);
+    for _ in 0..10_000 {
+        if is_finer(app.world_mut()) {
+            break;
+        }
+        app.update();
+        least = least.min(n_lit(&app));
+    }
+    assert!(is_finer(app.world_mut()), "{:?}", app.world().get::<WorldState>(world));
+    // Splats over one another may darken an edge.
+    assert!(least + 3 >= before, "{least} pixels of {before}");
+    assert!(n_lit(&app) > before);
 }
 
 #[cfg(feature = "images")]

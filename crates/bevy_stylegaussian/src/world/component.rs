@@ -47,7 +47,8 @@ pub struct WorldState {
     pub shown_parts: usize,
     /// Gaussians that are shown.
     pub shown: usize,
-    /// Gaussians in memory beside those: levels that take the place of others once they are complete.
+    /// Gaussians in memory beside those: levels that take the place of others once they are complete, and
+    /// those that fade out.
     pub arriving: usize,
     /// Files that are being read.
     pub loading: usize,

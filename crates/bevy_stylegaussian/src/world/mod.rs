@@ -4,9 +4,9 @@
 //! [`WorldState`] says what is there of it, and [`GaussianWorldFailed`] which files could not be had.
 //!
 //! A part of a capture is always shown at one level: the coarser one stays until the finer one can be drawn, in
-//! its style if there is one. Ten times a second, the Gaussians go where they are largest on any screen
-//! ([`stylegaussian::cut`]), also where cameras are about to look. What was seen a moment ago stays for a
-//! while.
+//! its style if there is one, and fades in over it. Ten times a second, the Gaussians go where they are largest
+//! on any screen ([`stylegaussian::cut`]), also where cameras are about to look. What was seen a moment ago
+//! stays for a while.
 
 // This is the top room. `plan` follows manifests and chooses levels; `stream` reads chunks, cuts runs out of
 // them and swaps them, one child per run (`tree` has the state); `style` gives children what their world has,

@@ -17,17 +17,21 @@ use super::{
     component::{GaussianBudget, GaussianWorld, WorldState},
     failure::WorldFailures,
     style::{StyleState, Styling},
-    tree::{Chunk, Coming, Node, Run, Shown, Stage, Tree},
+    tree::{Chunk, Coming, Fading, Node, Run, Shown, Stage, Tree},
 };
 use crate::{
     GaussianSceneReady,
     scene::{GaussianScene, GaussianSplats, LoadedScene},
+    splats::SplatFade,
     style::{HiddenUntilStyled, StyleSource},
     work::{Lane, Workers},
 };
 
 /// Time for which a chunk stays in memory after a node wanted it: the nodes beside it are often wanted next.
 const KEPT: Duration = Duration::from_secs(5);
+
+/// Time in which a run fades in, and as long again in which the one before fades out: a few frames.
+const FADE: Duration = Duration::from_millis(120);
 
 /// Notes which runs can be drawn.
 pub(super) fn note_drawable_runs(
@@ -90,6 +94,8 @@ struct Of<'a> {
     entity: Entity,
     styling: Styling<'a>,
     now: Duration,
+    /// Whether the app draws.
+    renders: bool,
 }
 
 /// Moves runs on their way, and those that are complete onto the screen.
@@ -98,6 +104,8 @@ pub(super) fn stream_runs(
     mut means: Means,
     budget: Res<GaussianBudget>,
     time: Res<Time<Real>>,
+    // Bevy puts a copy into the main world. It is absent if the app does not render.
+    renderer: Option<Res<RenderAdapterInfo>>,
     mut redraw: MessageWriter<RequestRedraw>,
 ) {
     let mut left = Left {
@@ -116,16 +124,20 @@ pub(super) fn stream_runs(
     for (entity, _, mut tree, mut state, source, hides) in &mut worlds {
         let tree = &mut *tree;
         means.give_up_failed(entity, tree);
-        let of = Of { entity, styling: Styling { source, hides }, now };
+        let of = Of { entity, styling: Styling { source, hides }, now, renders: renderer.is_some() };
         for node in tree.waiting() {
             means.advance(&of, tree, node, &mut left);
+        }
+        for node in &mut tree.nodes {
+            means.fade(&of, node);
         }
         for node in tree.nodes.iter_mut().filter(|node| !node.is_waiting()) {
             node.drop_coming(&mut means.commands);
         }
         tree.chunks.retain(|_, chunk| now.saturating_sub(chunk.used) < KEPT);
         let found = means.state(tree, of.styling);
-        if found.waiting > 0 || found.loading > 0 {
+        let is_fading = tree.nodes.iter().any(|node| node.fading.is_some());
+        if found.waiting > 0 || found.loading > 0 || is_fading {
             redraw.write(RequestRedraw);
         }
         state.set_if_neq(found);
@@ -171,10 +183,7 @@ impl Means<'_, '_> {
         let node = &mut tree.nodes[index];
         let Some(wanted) = node.next() else {
             // The budget has no room for it at any level.
-            node.drop_coming(&mut self.commands);
-            if let Some(shown) = node.shown.take() {
-                self.commands.entity(shown.entity).try_despawn();
-            }
+            node.drop_all(&mut self.commands);
             return;
         };
         // A run that is about to be shown is shown, even if another level is wanted by now.
@@ -264,14 +273,38 @@ impl Means<'_, '_> {
             self.commands.entity(entity).try_despawn();
             return Err("the GPU cannot take a part of it".into());
         }
-        if !(run.is_drawable && of.styling.allows(&worn, node.shown.is_none())) {
+        let is_complete = run.is_drawable && of.styling.allows(&worn, node.shown.is_none());
+        if !is_complete || node.fading.is_some() {
             return Ok(Some(Stage::Hidden(entity)));
         }
-        self.commands.entity(entity).try_insert(Visibility::Inherited);
-        if let Some(before) = node.shown.replace(Shown { level, entity }) {
-            self.commands.entity(before.entity).try_despawn();
-        }
+        self.commands.entity(entity).try_insert((Visibility::Inherited, SplatFade(1.0)));
+        let before = node.shown.replace(Shown { level, entity });
+        node.fading = Some(Fading { since: of.now, before });
         Ok(None)
+    }
+
+    /// Lets the run that is shown come in, and then the one before go. So there is never less than before.
+    fn fade(&mut self, of: &Of, node: &mut Node) {
+        let (Some(shown), Some(fading)) = (node.shown, &node.fading) else { return };
+        let passed = of.now.saturating_sub(fading.since).as_secs_f32() / FADE.as_secs_f32();
+        // Nobody sees it without a renderer.
+        let passed = if of.renders { passed } else { 2.0 };
+        if passed < 1.0 {
+            self.commands.entity(shown.entity).try_insert(SplatFade(1.0 - passed));
+            return;
+        }
+        self.commands.entity(shown.entity).try_remove::<SplatFade>();
+        match fading.before {
+            Some(before) if passed < 2.0 => {
+                self.commands.entity(before.entity).try_insert(SplatFade(passed - 1.0));
+            }
+            before => {
+                if let Some(before) = before {
+                    self.commands.entity(before.entity).try_despawn();
+                }
+                node.fading = None;
+            }
+        }
     }
 
     /// What is there of a world.
@@ -286,7 +319,7 @@ impl Means<'_, '_> {
             parts: tree.nodes.len(),
             shown_parts: count(&|node| node.shown.is_some()),
             shown: tree.nodes.iter().map(Node::n_shown).sum(),
-            arriving: tree.nodes.iter().map(Node::n_arriving).sum(),
+            arriving: tree.nodes.iter().map(Node::n_beside).sum(),
             loading: loading.count(),
             waiting: count(&Node::is_waiting),
             unstyled: count(&|node| node.shown.is_some_and(|shown| !styled(shown))),

@@ -48,6 +48,14 @@ pub(super) struct Node {
     pub(super) pixels: f32,
     pub(super) shown: Option<Shown>,
     pub(super) coming: Option<Coming>,
+    /// The way in which the run that is shown has come, until it is there.
+    pub(super) fading: Option<Fading>,
+}
+
+/// A run that fades in over the one before, which then fades out.
+pub(super) struct Fading {
+    pub(super) since: Duration,
+    pub(super) before: Option<Shown>,
 }
 
 /// A run that is shown.
@@ -99,6 +107,7 @@ impl Tree {
             pixels: 0.0,
             shown: None,
             coming: None,
+            fading: None,
         };
         let mut chunk_sizes = vec![0; levels.files.len()];
         for run in levels.nodes.iter().flat_map(|node| node.levels.iter().flatten()) {
@@ -138,7 +147,8 @@ impl Tree {
     /// All entities that it has.
     pub(super) fn entities(&self) -> impl Iterator<Item = Entity> {
         let coming = |node: &Node| node.coming.as_ref().and_then(Coming::entity);
-        let of_node = move |node: &Node| [node.shown.map(|shown| shown.entity), coming(node)];
+        let before = |node: &Node| node.fading.as_ref()?.before.map(|before| before.entity);
+        let of_node = move |node: &Node| [node.shown.map(|shown| shown.entity), coming(node), before(node)];
         let reference = match self.reference {
             Some(Reference::There { child, .. }) => Some(child),
             _ => None,
@@ -186,10 +196,12 @@ impl Node {
         self.shown.map_or(0, |shown| self.counts[shown.level])
     }
 
-    /// Gaussians in memory that are not shown yet.
-    pub(super) fn n_arriving(&self) -> usize {
-        let entity = self.coming.as_ref().filter(|coming| coming.entity().is_some());
-        entity.map_or(0, |coming| self.counts[coming.level])
+    /// Gaussians in memory that are not shown yet, or not much longer.
+    pub(super) fn n_beside(&self) -> usize {
+        let coming = self.coming.as_ref().filter(|coming| coming.entity().is_some());
+        let before = self.fading.as_ref().and_then(|fading| fading.before);
+        let levels = [coming.map(|coming| coming.level), before.map(|before| before.level)];
+        levels.into_iter().flatten().map(|level| self.counts[level]).sum()
     }
 
     /// The level to show next, or `None` for nothing. The fewest Gaussians come first, so that something is
@@ -220,6 +232,15 @@ impl Node {
             self.counts[level] = 0;
             self.wanted = self.wanted.filter(|wanted| *wanted != level);
             self.wanted = self.wanted.or(self.shown.map(|shown| shown.level));
+        }
+    }
+
+    /// Takes away all that it has.
+    pub(super) fn drop_all(&mut self, commands: &mut Commands) {
+        self.drop_coming(commands);
+        let before = self.fading.take().and_then(|fading| fading.before);
+        for run in self.shown.take().into_iter().chain(before) {
+            commands.entity(run.entity).try_despawn();
         }
     }
 

@@ -152,6 +152,7 @@ impl SplatPass {
             return Ok(());
         }
         view.reserve(device, &self.sort, &self.draw.layout, n_records)?;
+        view.note_drawn(clouds);
         view.set_paired(false);
         view.set_camera(queue, camera, n_records as u32);
         let change = self.project.write(device, queue, view, (camera, None), &drawn, settings);

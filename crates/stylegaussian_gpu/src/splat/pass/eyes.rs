@@ -64,6 +64,7 @@ impl SplatPass {
         let mut change = Change::Nothing;
         for (view, camera) in [&mut *first, &mut *second].into_iter().zip(cameras) {
             view.set_paired(true);
+            view.note_drawn(clouds);
             view.set_camera(queue, camera, n_records as u32);
             let own = self.project.write(device, queue, view, (camera, Some(middle)), &drawn, settings);
             change = change.max(self.relight(device, queue, view, camera, clouds, own));
