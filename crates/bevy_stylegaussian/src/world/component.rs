@@ -8,7 +8,8 @@ use super::{asset::WorldManifest, tree::Tree};
 ///
 /// It is placed by the entity's `Transform`. Its Gaussians come and go as children of the entity, each with a
 /// [`GaussianSplats`](crate::GaussianSplats) of its own: a part of the capture at one level. So rays, picking,
-/// volumes, eyes and depth see a world as they see any scene. The children are the plugin's.
+/// volumes, eyes and depth see a world as they see any scene. The children are the plugin's, and a saved game
+/// need not have them.
 ///
 /// These components of the entity hold for all of its children, and for those to come: `RenderLayers`,
 /// [`SplatTint`](crate::SplatTint), [`SplatShadows`](crate::SplatShadows),
@@ -16,7 +17,7 @@ use super::{asset::WorldManifest, tree::Tree};
 /// [`StyleDecoder`](crate::style::decoder::StyleDecoder). A style reaches what is largest on screen first, and
 /// what arrives later is shown once it is painted; until then, the coarser level stays as it was painted. With
 /// [`HiddenUntilStyled`](crate::HiddenUntilStyled), the first level of a part waits for its paint as well.
-/// Pins and looks are of single scenes, and do not fit a world.
+/// Pins, looks and masks are of single scenes, and do not fit a world.
 ///
 /// All parts are painted to look like one scene, which some Gaussians of the coarsest levels are painted as
 /// first: in one palette, in strokes of one size and contrast. Each part searches for its strokes by itself, so
