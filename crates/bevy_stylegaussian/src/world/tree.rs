@@ -261,3 +261,71 @@ impl Coming {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use stylegaussian_files::world::{Node as Cell, Run as Place};
+
+    use super::*;
+
+    /// Three nodes of two levels in two chunks, 100 and 10 Gaussians each, that cover so many pixels.
+    fn tree(pixels: [f32; 3]) -> Tree {
+        let cell = |i: usize| Cell {
+            bounds: [Vec3::ZERO, Vec3::ONE],
+            levels: vec![
+                Some(Place { file: 0, range: 100 * i..100 * (i + 1) }),
+                Some(Place { file: 1, range: 10 * i..10 * (i + 1) }),
+            ],
+        };
+        let levels = Levels {
+            n_levels: 2,
+            files: vec!["0/meta.json".into(), "1/meta.json".into()],
+            environment: None,
+            nodes: (0..3).map(cell).collect(),
+        };
+        let mut tree = Tree::new(&Arc::new(levels), None);
+        for (node, pixels) in tree.nodes.iter_mut().zip(pixels) {
+            (node.pixels, node.wanted) = (pixels, Some(0));
+        }
+        tree
+    }
+
+    fn shown(level: usize) -> Option<Shown> {
+        Some(Shown { level, entity: Entity::PLACEHOLDER })
+    }
+
+    #[test]
+    fn holes_come_first_and_then_the_parts_that_are_worst() {
+        let mut tree = tree([5.0, 90.0, 10.0]);
+        assert_eq!(tree.chunk_sizes, [300, 30]);
+        assert_eq!(tree.waiting(), [1, 2, 0]);
+        assert_eq!(tree.nodes[0].next(), Some(1), "the fewest first");
+        (tree.nodes[1].shown, tree.nodes[2].shown) = (shown(1), shown(1));
+        assert_eq!(tree.waiting(), [0, 1, 2]);
+        assert_eq!(tree.nodes[1].next(), Some(0));
+        tree.nodes[1].shown = shown(0);
+        assert_eq!(tree.waiting(), [0, 2]);
+        assert_eq!(tree.nodes.iter().map(Node::n_shown).collect::<Vec<_>>(), [0, 100, 10]);
+    }
+
+    #[test]
+    fn what_cannot_be_had_is_waited_for_no_longer() {
+        let mut tree = tree([5.0, 90.0, 10.0]);
+        (tree.nodes[0].shown, tree.nodes[1].shown) = (shown(1), shown(0));
+        tree.give_up_chunk(0);
+        // What is shown of the chunk stays, and a node that shows nothing waits for the next cut.
+        let counts: Vec<_> = tree.nodes.iter().map(|node| node.counts.clone()).collect();
+        assert_eq!(counts, [[0, 10], [100, 10], [0, 10]]);
+        assert_eq!(tree.nodes[0].wanted, Some(1));
+        assert!(tree.waiting().is_empty() && tree.nodes[2].wanted.is_none());
+    }
+
+    #[test]
+    fn files_lie_beside_the_manifest() {
+        let plain = tree([0.0; 3]);
+        assert_eq!(plain.path_of("0/meta.json").to_string(), "0/meta.json");
+        let path = AssetPath::parse("http://b.org/city/lod-meta.json").into_owned();
+        let tree = Tree { path: Some(path), ..plain };
+        assert_eq!(tree.path_of("0/meta.json").to_string(), "http://b.org/city/0/meta.json");
+    }
+}
