@@ -41,6 +41,10 @@ pub const TILES_PER_SEGMENT: u32 = 16;
 pub const TILES_PER_WORKGROUP: u32 = 16;
 /// The key of a Gaussian that no pixel sees. Keys of depths are smaller: only a NaN would have this one.
 pub const INVISIBLE: u32 = u32::MAX;
+/// `SplatChunk::flags` from this bit on: the share of all opacities that is faded out, of [`MAX_FADED`].
+pub const FADED_SHIFT: u32 = 16;
+/// The number in `SplatChunk::flags` of a chunk that is faded out.
+pub const MAX_FADED: u32 = 0xffff;
 /// `SplatChunk::sh_degree` of a scene without spherical harmonics.
 pub const NO_SH: u32 = u32::MAX;
 /// `SplatChunk::flags`: the colors are the captured ones.
@@ -51,10 +55,6 @@ pub const BY_DISTANCE: u32 = 4;
 pub const ANTIALIASED: u32 = 8;
 /// `SplatChunk::flags`: the mask shows painted splats, and does not hide them.
 pub const CROPPED: u32 = 16;
-/// `SplatChunk::flags` from this bit on: the share of all opacities that is faded out, of [`MAX_FADED`].
-pub const FADED_SHIFT: u32 = 16;
-/// The number in `SplatChunk::flags` of a chunk that is faded out.
-pub const MAX_FADED: u32 = 0xffff;
 
 /// `mode` of the composite: the layer as it is.
 pub const MODE_ENCODED: u32 = 0;
@@ -104,13 +104,13 @@ fn constants() -> String {
         ("TILES_PER_WORKGROUP", TILES_PER_WORKGROUP),
         ("QUARTERS_PER_WORKGROUP", 4 * TILES_PER_WORKGROUP),
         ("INVISIBLE", INVISIBLE),
+        ("FADED_SHIFT", FADED_SHIFT),
+        ("MAX_FADED", MAX_FADED),
         ("NO_SH", NO_SH),
         ("CAPTURED_COLORS", CAPTURED_COLORS),
         ("BY_DISTANCE", BY_DISTANCE),
         ("ANTIALIASED", ANTIALIASED),
         ("CROPPED", CROPPED),
-        ("FADED_SHIFT", FADED_SHIFT),
-        ("MAX_FADED", MAX_FADED),
         ("MODE_ENCODED", MODE_ENCODED),
         ("MODE_LINEAR", MODE_LINEAR),
         ("MODE_REINHARD", MODE_REINHARD),
@@ -376,7 +376,7 @@ pub struct SplatChunk {
     pub first_record: u32,
     /// Degree of the spherical harmonics, or [`NO_SH`].
     pub sh_degree: u32,
-    /// [`CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`], [`CROPPED`]. From [`FADED_SHIFT`] on: a share.
+    /// [`CAPTURED_COLORS`], [`BY_DISTANCE`], [`ANTIALIASED`], [`CROPPED`].
     pub flags: u32,
     /// Position of the mask's channel in a word, in bits.
     pub mask_shift: u32,

@@ -29,7 +29,7 @@ struct SplatChunk {
     first_record: u32,
     /// Degree of the spherical harmonics, or `NO_SH`.
     sh_degree: u32,
-    /// `CAPTURED_COLORS`, `BY_DISTANCE`, `ANTIALIASED`, `CROPPED`. From `FADED_SHIFT` on: a share.
+    /// `CAPTURED_COLORS`, `BY_DISTANCE`, `ANTIALIASED`, `CROPPED`.
     flags: u32,
     /// Position of the mask's channel in a word, in bits.
     mask_shift: u32,

@@ -26,8 +26,9 @@
 //!   [`StylePrepare`](style::StylePrepare) prepares a loaded scene for the first.
 //!   [`StyleMask`] holds weights that are painted at run time, and [`MaskVisibility`] hides painted splats or
 //!   crops to them. [`SplatTint`] changes the colors of all of it at once, and
-//!   [`SplatShadows`] lets meshes cast shadows on it. [`GaussianWorld`] shows a capture that is larger than a
-//!   GPU, at levels of detail that follow the cameras.
+//!   [`SplatShadows`] lets meshes cast shadows on it.
+//! - Worlds: [`GaussianWorld`] shows a capture that is larger than a GPU, at levels of detail that follow the
+//!   cameras.
 //! - Components of meshes and of skies, with the feature `meshes`: `StyledMesh` and `StyledSky` paint them as a
 //!   capture beside them is.
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`], [`SplatDepth`], [`SplatEyes`],
@@ -132,17 +133,17 @@ pub mod prelude {
     #[cfg(feature = "picking")]
     pub use crate::picking::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
     pub use crate::{
-        AppliedStyle, FitScene, GaussianBudget, GaussianScene, GaussianSceneFailed, GaussianSceneReady,
-        GaussianSplats, GaussianWorld, GaussianWorldFailed, HiddenUntilStyled, MaskVisibility, SplatCuts,
-        SplatDepth, SplatEyes, SplatRayCast, SplatShadows, SplatSortKey, SplatTint, SplatTonemapping,
-        StyleApplied, StyleFailed, StyleGaussianPlugin, StyleMask, StyleSource, StyleTransition, StyleVolume,
+        AppliedStyle, FitScene, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
+        HiddenUntilStyled, MaskVisibility, SplatCuts, SplatDepth, SplatEyes, SplatRayCast, SplatShadows,
+        SplatSortKey, SplatTint, SplatTonemapping, StyleApplied, StyleFailed, StyleGaussianPlugin, StyleMask,
+        StyleSource, StyleTransition, StyleVolume,
         mask::{SavedMask, StyleMaskFailed},
         picking::SplatHit,
         style::{
             StyleInput, StyleLiving, StyleMethod, StylePrepare, StyleRecolored, TransitionClock,
             TransitionShape,
         },
-        world::{WorldManifest, WorldState},
+        world::{GaussianBudget, GaussianWorld, GaussianWorldFailed, WorldManifest, WorldState},
     };
     #[cfg(feature = "refine")]
     pub use crate::{StyleRefine, style::StyleRefined};

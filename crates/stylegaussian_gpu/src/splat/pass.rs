@@ -145,6 +145,7 @@ impl SplatPass {
     ) -> Result<(), SplatError> {
         view.clear();
         cloud::check(clouds)?;
+        view.note_drawn(clouds);
         let drawn: Vec<&Cloud> = clouds.iter().filter(|cloud| cloud.is_drawable()).collect();
         let n_records = drawn.iter().map(|cloud| cloud.scene.n_gaussians()).sum();
         if n_records == 0 || !camera.is_drawable() {
@@ -152,7 +153,6 @@ impl SplatPass {
             return Ok(());
         }
         view.reserve(device, &self.sort, &self.draw.layout, n_records)?;
-        view.note_drawn(clouds);
         view.set_paired(false);
         view.set_camera(queue, camera, n_records as u32);
         let change = self.project.write(device, queue, view, (camera, None), &drawn, settings);

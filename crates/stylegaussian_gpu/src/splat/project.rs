@@ -6,7 +6,7 @@ use bytemuck::Zeroable;
 use glam::{Affine3A, DVec3};
 use stylegaussian::{mask::MaskUse, scene::ScreenFilter};
 use stylegaussian_shaders::splat::{
-    self as shaders, ANTIALIASED, BY_DISTANCE, CAPTURED_COLORS, CROPPED, FADED_SHIFT, NO_SH, SplatChunk,
+    self as shaders, ANTIALIASED, BY_DISTANCE, CAPTURED_COLORS, CROPPED, NO_SH, SplatChunk,
 };
 
 use super::{
@@ -106,7 +106,7 @@ impl Project {
         for (i, cloud) in clouds.iter().enumerate() {
             let painted = cloud.colors.painted();
             let of_cloud = cloud_uniforms((camera, middle), cloud, settings);
-            let of_cloud = SplatChunk { flags: of_cloud.flags | view.faded(i) << FADED_SHIFT, ..of_cloud };
+            let of_cloud = SplatChunk { flags: view.with_fade(i, of_cloud.flags), ..of_cloud };
             let versions = ChunkVersions {
                 colors: cloud.colors.own().map_or(0, GaussianColors::version),
                 mask: cloud.mask().map_or(0, |visibility| visibility.mask.version()),

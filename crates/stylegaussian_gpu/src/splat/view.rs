@@ -4,14 +4,12 @@
 use std::collections::HashMap;
 
 use stylegaussian_shaders::splat::{
-    ANTIALIASED, BY_DISTANCE, CROPPED, FADED_SHIFT, MAX_FADED, SORT_BATCH, SplatChunk, SplatCounts,
-    SplatDraw,
+    ANTIALIASED, BY_DISTANCE, CROPPED, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw,
     strokes::{StrokeChunk, StrokeDraw},
 };
 
 use super::{
     camera::Camera,
-    cloud::Cloud,
     edges::EdgeUniforms,
     error::SplatError,
     light::{LightBuffers, LitView, ViewLight},
@@ -23,9 +21,11 @@ use super::{
 use crate::buffers::TooLarge;
 
 mod eyes;
+mod fades;
 mod records;
 
 use eyes::EyeState;
+use fades::Fades;
 use records::{ChunkUniforms, ViewBuffers};
 
 /// Bytes from one chunk's uniforms to the next one's: their size, and a multiple of the coarsest alignment of
@@ -53,10 +53,8 @@ pub struct SplatView {
     is_painted: bool,
     /// Tints, shadows and fog.
     pub(super) lit: LitView,
-    /// Shares of opacities that are faded out, of all clouds.
-    faded: Vec<f32>,
-    /// The same of this frame's clouds, without those that are not drawable, of `MAX_FADED`.
-    drawn_faded: Vec<u32>,
+    /// Shares of opacities that are faded out.
+    fades: Fades,
     /// A number that differs after each change of the visible splats or their order.
     order: u64,
     /// The limits of edges, once a layer with several samples per pixel was drawn.
@@ -120,12 +118,14 @@ impl ChunkSource {
     fn geometry(&self) -> SplatChunk {
         // The other flag is about colors.
         let chunk = self.uniforms.chunk;
-        let flags = chunk.flags & (BY_DISTANCE | ANTIALIASED | CROPPED | MAX_FADED << FADED_SHIFT);
+        let flags = chunk.flags & (BY_DISTANCE | ANTIALIASED | CROPPED);
         SplatChunk { eye: [0.0; 4], flags, ..chunk }
     }
 
     fn has_geometry_of(&self, other: &Self) -> bool {
+        let faded = |source: &Self| fades::of_flags(source.uniforms.chunk.flags);
         self.geometry() == other.geometry()
+            && faded(self) == faded(other)
             && self.bindings.buffers[0] == other.bindings.buffers[0]
             && self.bindings.mask == other.bindings.mask
             && self.versions.mask == other.versions.mask
@@ -192,26 +192,6 @@ impl SplatView {
     /// cost nothing.
     pub fn set_light(&mut self, light: Option<ViewLight>) {
         self.lit.set(light);
-    }
-
-    /// Fades clouds, for all frames until the next call: the shares of their opacities that are left out, 0..1,
-    /// in the order in which clouds are given. Those beyond the last one, and by default all, are drawn whole.
-    pub fn set_faded(&mut self, shares: Vec<f32>) {
-        self.faded = shares;
-    }
-
-    /// Notes which of the clouds are drawn in this frame.
-    pub(super) fn note_drawn(&mut self, clouds: &[Cloud]) {
-        let code = |share: f32| (share.clamp(0.0, 1.0) * MAX_FADED as f32).round() as u32;
-        let faded = &self.faded;
-        let drawn = clouds.iter().enumerate().filter(|(_, cloud)| cloud.is_drawable());
-        self.drawn_faded.clear();
-        self.drawn_faded.extend(drawn.map(|(i, _)| faded.get(i).map_or(0, |share| code(*share))));
-    }
-
-    /// Share of the opacities of the i-th cloud that is drawn which is faded out, of `MAX_FADED`.
-    pub(super) fn faded(&self, i: usize) -> u32 {
-        self.drawn_faded.get(i).copied().unwrap_or(0)
     }
 
     /// What is an edge for `camera`, and the viewport; `None` if there is nothing to draw.

@@ -52,6 +52,8 @@ impl SplatPass {
         first.clear();
         second.clear();
         cloud::check(clouds)?;
+        first.note_drawn(clouds);
+        second.note_drawn(clouds);
         let drawn: Vec<&Cloud> = clouds.iter().filter(|cloud| cloud.is_drawable()).collect();
         let n_records = drawn.iter().map(|cloud| cloud.scene.n_gaussians()).sum();
         if n_records == 0 {
@@ -64,7 +66,6 @@ impl SplatPass {
         let mut change = Change::Nothing;
         for (view, camera) in [&mut *first, &mut *second].into_iter().zip(cameras) {
             view.set_paired(true);
-            view.note_drawn(clouds);
             view.set_camera(queue, camera, n_records as u32);
             let own = self.project.write(device, queue, view, (camera, Some(middle)), &drawn, settings);
             change = change.max(self.relight(device, queue, view, camera, clouds, own));
