@@ -31,12 +31,13 @@ const FILES: &str = "crates/stylegaussian_files/src";
 /// In the plugin: `style` and `splats` stand on `colors`, and that stands on `scene`. In the GPU crate, the two
 /// passes meet in `colors`, and strokes know of neither. In the model crate, the rasterizer knows no decoder
 /// and the decoder no rasterizer.
-const WALLS: [Wall; 14] = [
-    Wall { sources: PLUGIN, room: "style", forbidden: &["splats", "meshes"] },
-    Wall { sources: PLUGIN, room: "meshes", forbidden: &["colors", "mask", "splats"] },
-    Wall { sources: PLUGIN, room: "splats", forbidden: &["style"] },
-    Wall { sources: PLUGIN, room: "colors", forbidden: &["style", "splats"] },
-    Wall { sources: PLUGIN, room: "scene", forbidden: &["colors", "mask", "style", "splats"] },
+const WALLS: [Wall; 15] = [
+    Wall { sources: PLUGIN, room: "style", forbidden: &["splats", "meshes", "world"] },
+    Wall { sources: PLUGIN, room: "meshes", forbidden: &["colors", "mask", "splats", "world"] },
+    Wall { sources: PLUGIN, room: "world", forbidden: &["mask", "picking", "meshes"] },
+    Wall { sources: PLUGIN, room: "splats", forbidden: &["style", "world"] },
+    Wall { sources: PLUGIN, room: "colors", forbidden: &["style", "splats", "world"] },
+    Wall { sources: PLUGIN, room: "scene", forbidden: &["colors", "mask", "style", "splats", "world"] },
     Wall { sources: PLUGIN, room: "mask", forbidden: &["colors", "style", "splats"] },
     Wall { sources: PLUGIN, room: "picking", forbidden: &["colors", "style", "splats"] },
     Wall { sources: GPU, room: "style", forbidden: &["splat"] },

@@ -43,6 +43,10 @@ pub const TILES_PER_SEGMENT: u32 = 16;
 pub const TILES_PER_WORKGROUP: u32 = 16;
 /// The key of a Gaussian that no pixel sees. Keys of depths are smaller: only a NaN would have this one.
 pub const INVISIBLE: u32 = u32::MAX;
+/// `SplatChunk::flags` from this bit on: the share of all opacities that is faded out, of [`MAX_FADED`].
+pub const FADED_SHIFT: u32 = 16;
+/// The number in `SplatChunk::flags` of a chunk that is faded out.
+pub const MAX_FADED: u32 = 0xffff;
 /// `SplatChunk::sh_degree` of a scene without spherical harmonics.
 pub const NO_SH: u32 = u32::MAX;
 /// `SplatChunk::flags`: the colors are the captured ones.
@@ -108,6 +112,8 @@ fn constants() -> String {
         ("TILES_PER_WORKGROUP", TILES_PER_WORKGROUP),
         ("QUARTERS_PER_WORKGROUP", 4 * TILES_PER_WORKGROUP),
         ("INVISIBLE", INVISIBLE),
+        ("FADED_SHIFT", FADED_SHIFT),
+        ("MAX_FADED", MAX_FADED),
         ("NO_SH", NO_SH),
         ("CAPTURED_COLORS", CAPTURED_COLORS),
         ("BY_DISTANCE", BY_DISTANCE),

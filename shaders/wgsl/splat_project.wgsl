@@ -63,7 +63,9 @@ fn splat_project(
     }
     let record = chunk.first_record + index;
     var gaussian = gaussians[index];
-    gaussian.opacity = shown_opacity(gaussian.opacity, index);
+    // Of a cloud that is not fading, the factor is 1.
+    let faded = f32(chunk.flags >> FADED_SHIFT) / f32(MAX_FADED);
+    gaussian.opacity = shown_opacity(gaussian.opacity, index) * (1.0 - faded);
     var projected = seen(gaussian);
     if !projected.visible {
         keys[record] = INVISIBLE;

@@ -27,20 +27,22 @@
 //!   [`StyleMask`] holds weights that are painted at run time, and [`MaskVisibility`] hides painted splats or
 //!   crops to them. [`SplatTint`] changes the colors of all of it at once, and
 //!   [`SplatShadows`] lets shadows fall on it, and [`SplatCaster`] lets it cast shadows.
+//! - Worlds: [`GaussianWorld`] shows a capture that is larger than a GPU, at levels of detail that follow the
+//!   cameras.
 //! - Components of meshes and of skies, with the feature `meshes`: `StyledMesh` and `StyledSky` paint them as a
 //!   capture beside them is.
 //! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`], [`SplatDepth`], [`SplatEyes`],
 //!   [`SplatCuts`]; Bevy's `DistanceFog` reaches splats, too.
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
-//! - Resources: [`StyleMethod`](style::StyleMethod), [`StyleThreads`], and those of the
+//! - Resources: [`StyleMethod`](style::StyleMethod), [`StyleThreads`], [`GaussianBudget`], and those of the
 //!   [decoder](style::decoder).
 //! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`],
-//!   [`StyleRecolored`](style::StyleRecolored), [`StyleApplied`], `StyleRefined`, [`StyleFailed`],
-//!   [`StyleMaskFailed`](mask::StyleMaskFailed). The component [`AppliedStyle`] holds the style that an entity
-//!   shows, and can save the styled scene.
+//!   [`GaussianWorldFailed`], [`StyleRecolored`](style::StyleRecolored), [`StyleApplied`], `StyleRefined`,
+//!   [`StyleFailed`], [`StyleMaskFailed`](mask::StyleMaskFailed). The component [`AppliedStyle`] holds the style
+//!   that an entity shows, and can save the styled scene.
 //!
 //! The root has what most games name. The rest is in modules: [`scene`], [`style`] with its
-//! [`decoder`](style::decoder), [`mask`] and [`picking`].
+//! [`decoder`](style::decoder), [`mask`], [`picking`] and [`world`].
 //!
 //! Scene files and saved games: Bevy's serializers save and load all of these components but [`AppliedStyle`],
 //! which the plugin computes again. Assets are saved by their path, so one that a program made is not; masks
@@ -87,6 +89,7 @@ mod systems;
 #[cfg(test)]
 mod tests;
 mod work;
+pub mod world;
 
 pub use colors::{GaussianSceneReady, SplatTint};
 #[doc(inline)]
@@ -111,6 +114,8 @@ pub use style::{
 };
 pub use systems::StyleGaussianSystems;
 pub use work::StyleThreads;
+#[doc(inline)]
+pub use world::{GaussianBudget, GaussianWorld, GaussianWorldFailed};
 
 /// The model crate: the types inside of assets, such as [`stylegaussian::Scene`].
 pub use stylegaussian;
@@ -141,6 +146,7 @@ pub mod prelude {
             StyleInput, StyleLiving, StyleMethod, StylePrepare, StyleRecolored, TransitionClock,
             TransitionShape,
         },
+        world::{GaussianBudget, GaussianWorld, GaussianWorldFailed, WorldManifest, WorldState},
     };
     #[cfg(feature = "refine")]
     pub use crate::{StyleRefine, style::StyleRefined};

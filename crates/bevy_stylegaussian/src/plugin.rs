@@ -16,6 +16,7 @@ use crate::{
     style::StylePlugin,
     systems::StyleGaussianSystems,
     work::{SynchronousCompilation, WorkPlugin},
+    world::WorldPlugin,
 };
 
 /// Loads, draws and styles captured scenes. Add it after `DefaultPlugins`.
@@ -54,7 +55,7 @@ impl Plugin for StyleGaussianPlugin {
         })
         // Scenes first: a style that is requested in the same frame needs the attached scene.
         .configure_sets(PostUpdate, (StyleGaussianSystems::Scenes, StyleGaussianSystems::Styles).chain())
-        .add_plugins(StylePlugin);
+        .add_plugins((StylePlugin, WorldPlugin));
         #[cfg(feature = "meshes")]
         app.add_plugins(crate::meshes::MeshesPlugin);
     }

@@ -26,6 +26,7 @@ pub mod axes;
 mod bulk;
 pub mod camera;
 pub mod collision;
+pub mod cut;
 pub mod decoder;
 pub mod encoder_id;
 pub mod fold;

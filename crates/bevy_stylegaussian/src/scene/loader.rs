@@ -120,7 +120,7 @@ fn name(path: &AssetPath) -> String {
 
 /// A file by its path relative to the one that names it. The reader has checked that it does not lead
 /// elsewhere. It is not parsed as an asset's path, in which some characters have a meaning.
-fn beside<'a>(path: &AssetPath<'a>, name: &str) -> AssetPath<'a> {
+pub(crate) fn beside<'a>(path: &AssetPath<'a>, name: &str) -> AssetPath<'a> {
     let at = path.path().with_file_name(name);
     AssetPath::from_path_buf(at).with_source(path.source().clone_owned())
 }

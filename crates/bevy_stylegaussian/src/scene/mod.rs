@@ -45,6 +45,7 @@ pub(crate) use extract::RenderClouds;
 pub(crate) use failure::SceneRefused;
 pub(crate) use gpu::{GpuScenes, upload_scenes};
 use loader::SceneLoader;
+pub(crate) use loader::beside;
 pub(crate) use per_scene::PerScene;
 
 /// Loads scenes and uploads them.

@@ -33,6 +33,7 @@ mod caster;
 mod cuts;
 mod depth;
 mod eyes;
+mod fade;
 #[cfg(test)]
 mod held;
 mod light;
@@ -47,6 +48,8 @@ pub use cuts::SplatCuts;
 pub use depth::SplatDepth;
 pub use eyes::SplatEyes;
 pub use light::SplatShadows;
+
+pub(crate) use fade::SplatFade;
 
 #[cfg(test)]
 pub(crate) use held::Held;
@@ -87,7 +90,8 @@ impl Plugin for SplatsPlugin {
             .init_gpu_resource::<view::SplatViews>()
             .init_gpu_resource::<light::SplatLights>()
             .init_resource::<light::CloudLights>()
-            .add_systems(ExtractSchedule, light::extract_cloud_lights)
+            .init_resource::<fade::CloudFades>()
+            .add_systems(ExtractSchedule, (light::extract_cloud_lights, fade::extract_fades))
             .init_gpu_resource::<depth::SplatDepths>()
             .add_systems(
                 Render,

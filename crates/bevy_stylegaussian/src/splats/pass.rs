@@ -21,6 +21,7 @@ use crate::{
 
 use super::{
     eyes::Pair,
+    fade::CloudFades,
     light::Lights,
     pipelines::{Ready, SplatPipelines},
     view::{SplatViews, ViewSplats, Whole},
@@ -46,6 +47,7 @@ pub(super) fn sort_splats(
     clock: Res<StrokeClock>,
     masks: Res<RenderMasks>,
     lights: Lights,
+    fades: Res<CloudFades>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     reports: Res<Reports<SceneRefused>>,
@@ -77,7 +79,9 @@ pub(super) fn sort_splats(
             })
             .collect();
         splats.buffers.set_light(lights.of(&key, &entities));
+        splats.buffers.set_faded(fades.of(&entities));
         if let Some((pair, other)) = &mut other {
+            other.buffers.set_faded(fades.of(&entities));
             other.buffers.set_light(lights.of(&pair.other, &entities));
         }
         let diagnostics = context.diagnostic_recorder();

@@ -63,9 +63,14 @@ pub use wish::settings::StyleMethod;
 pub use wish::source::{HiddenUntilStyled, StyleInput, StyleSource, WeightedStyle};
 pub use wish::strokes::{StrokeDirection, VolumeCurve, VolumeStrokes};
 
+pub(crate) use make::{
+    beside::{Beside, PaintedBeside},
+    job::StyleJobs,
+    shared::SharedStyle,
+};
 #[cfg(feature = "meshes")]
 pub(crate) use {
-    make::{brushwork::Brushwork, inputs::Inputs as StyleInputs, job::StyleJobs, shared::SharedStyle},
+    make::{brushwork::Brushwork, inputs::Inputs as StyleInputs},
     wish::event::StyleEvents,
 };
 

@@ -49,3 +49,4 @@ mod views;
 #[cfg(feature = "images")]
 mod weak_devices;
 pub(crate) mod world;
+mod worlds;

@@ -155,6 +155,7 @@ impl SplatPass {
     ) -> Result<(), SplatError> {
         view.clear();
         cloud::check(clouds)?;
+        view.note_drawn(clouds);
         let drawn: Vec<&Cloud> = clouds.iter().filter(|cloud| cloud.is_drawable()).collect();
         let n_records = drawn.iter().map(|cloud| cloud.scene.n_gaussians()).sum();
         if n_records == 0 || !camera.is_drawable() {

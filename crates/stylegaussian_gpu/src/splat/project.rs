@@ -103,9 +103,10 @@ impl Project {
         let mut first_record = 0;
         let painted = clouds.iter().filter_map(|cloud| cloud.colors.painted());
         let draw = draw_uniforms(painted);
-        for cloud in clouds {
+        for (i, cloud) in clouds.iter().enumerate() {
             let painted = cloud.colors.painted();
             let of_cloud = cloud_uniforms((camera, middle), cloud, settings);
+            let of_cloud = SplatChunk { flags: view.with_fade(i, of_cloud.flags), ..of_cloud };
             let versions = ChunkVersions {
                 colors: cloud.colors.own().map_or(0, GaussianColors::version),
                 mask: cloud.mask().map_or(0, |visibility| visibility.mask.version()),

@@ -21,11 +21,13 @@ use super::{
 use crate::buffers::TooLarge;
 
 mod eyes;
+mod fades;
 mod half;
 mod records;
 
 use self::half::HalfState;
 use eyes::EyeState;
+use fades::Fades;
 use records::{ChunkUniforms, ViewBuffers};
 
 /// Bytes from one chunk's uniforms to the next one's: their size, and a multiple of the coarsest alignment of
@@ -53,6 +55,8 @@ pub struct SplatView {
     is_painted: bool,
     /// Tints, shadows and fog.
     pub(super) lit: LitView,
+    /// Shares of opacities that are faded out.
+    fades: Fades,
     /// A number that differs after each change of the visible splats or their order.
     order: u64,
     /// The limits of edges, once a layer with several samples per pixel was drawn.
@@ -123,7 +127,9 @@ impl ChunkSource {
     }
 
     fn has_geometry_of(&self, other: &Self) -> bool {
+        let faded = |source: &Self| fades::of_flags(source.uniforms.chunk.flags);
         self.geometry() == other.geometry()
+            && faded(self) == faded(other)
             && self.bindings.buffers[0] == other.bindings.buffers[0]
             && self.bindings.mask == other.bindings.mask
             && self.versions.mask == other.versions.mask

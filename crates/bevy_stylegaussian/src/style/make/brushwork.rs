@@ -1,19 +1,18 @@
 //! The paint of a style, as meshes take it.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use stylegaussian::{
     Scene,
     mesh::Sky,
-    paint::{self, Company, Hand, Painted, Surface},
+    paint::{self, Hand, Painted, Surface},
     restyle::{self, Recipe},
-    strokes::Strokes,
     work::{Canceled, Work},
 };
 
 use super::{
+    beside::Beside,
     request::{Decided, Failure, GivenTints, LaterCanvas, Same, as_parts, made},
-    worker::Ground,
 };
 use crate::style::wish::error::StyleError;
 
@@ -27,24 +26,11 @@ pub(crate) struct Brushwork {
     beside: Option<Beside>,
 }
 
-/// A painted scene.
-pub(crate) struct Beside {
-    surface: Same<Ground>,
-    strokes: Same<Strokes>,
-    /// What it tells the meshes beside it, once the first of them has asked. `None` if it tells nothing.
-    company: OnceLock<Option<Company>>,
-}
-
-impl Beside {
-    pub(super) fn new(surface: Same<Ground>, strokes: Same<Strokes>) -> Self {
-        Self { surface, strokes, company: OnceLock::new() }
-    }
-}
-
 impl PartialEq for Brushwork {
     fn eq(&self, other: &Self) -> bool {
         let of = |brushwork: &Self| {
-            brushwork.beside.as_ref().map(|beside| (beside.surface.clone(), beside.strokes.clone()))
+            let beside = brushwork.beside.as_ref();
+            beside.map(|beside| (Same(Arc::clone(&beside.surface)), Same(Arc::clone(&beside.strokes))))
         };
         self.canvases == other.canvases
             && self.decided == other.decided
@@ -65,12 +51,12 @@ impl Brushwork {
 
     /// Size of a pixel of the painting in units of the painted scene, or `None` if meshes stand alone.
     pub(crate) fn pixel(&self) -> Option<f32> {
-        self.beside.as_ref().map(|beside| beside.surface.0.pixel())
+        self.beside.as_ref().map(|beside| beside.surface.pixel())
     }
 
     /// The scale at which a sky is painted: see [`Sky::scale`].
     pub(crate) fn sky_scale(&self) -> f32 {
-        self.beside.as_ref().map_or(1.0, |beside| Sky::scale(&beside.surface.0))
+        self.beside.as_ref().map_or(1.0, |beside| Sky::scale(&beside.surface))
     }
 
     /// Paints the spots of a mesh, in whose units one of the painted scene has the size `scale`. Not for the
@@ -105,13 +91,8 @@ impl Brushwork {
         };
         let (surfaces, laying) = (work.part(0.1, 0.6), work.part(0.6, 1.0));
         if let Some(beside) = &self.beside {
-            let painted = &beside.surface.0;
-            if beside.company.get().is_none() {
-                let company = Company::new(painted, &paintings, &hand, &beside.strokes.0, work)?;
-                // Jobs of a lane are done one after another, so nobody else has set it.
-                let _ = beside.company.set(company);
-            }
-            if let Some(Some(company)) = beside.company.get() {
+            let painted = &beside.surface;
+            if let Some(company) = beside.company(&paintings, &hand, work)? {
                 let surface = Surface::beside(spots, painted, scale, &surfaces)?;
                 let how = (&hand, self.content, company);
                 return Ok(paint::lay_beside(spots, &surface, &paintings, how, &laying)?);

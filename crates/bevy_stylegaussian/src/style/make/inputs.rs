@@ -18,6 +18,7 @@ use crate::{
     scene::{GaussianScene, LoadedScene},
     style::{
         make::{
+            beside::Beside,
             first::{FirstRequest, Palette},
             images::ImageInputs,
             later::{Crop, Encoded, Input, Later, Stretched, loaded, name},
@@ -65,13 +66,15 @@ pub(crate) struct Inputs<'w> {
 }
 
 impl Inputs<'_> {
-    /// The request for an entity's style, or `Ok(None)` while an input is missing.
+    /// The request for an entity's style, or `Ok(None)` while an input is missing. If it is painted, it is to
+    /// look like the painted scene `beside` it.
     pub(crate) fn request(
         &mut self,
         source: &StyleSource,
         scene: &LoadedScene,
         decoder: Option<&StyleDecoder>,
         gpu_refused: bool,
+        beside: Option<&Arc<Beside>>,
     ) -> Input<StyleRequest> {
         let has_looks = source.styles.iter().any(|style| matches!(style.input, StyleInput::Look(_)));
         let has_styles = source.styles.iter().any(|style| !matches!(style.input, StyleInput::Look(_)));
@@ -81,7 +84,8 @@ impl Inputs<'_> {
             return Err(Arc::new(StylizeError::NoFeatures.into()));
         }
         // Begun before images are there, if they are still being loaded.
-        let surface = if is_painted { self.surfaces.get(scene, &self.workers)? } else { None };
+        let of_scene = beside.map(|beside| &**beside);
+        let surface = if is_painted { self.surfaces.get(scene, of_scene, &self.workers)? } else { None };
         let inputs: Vec<_> = source.styles.iter().map(|style| self.input(style, is_painted)).collect();
         let decided = if is_painted { self.decided(source, scene) } else { Ok(None) };
         let (mut canvases, mut statistics, mut looks) = (Vec::new(), Vec::new(), Vec::new());
@@ -121,6 +125,7 @@ impl Inputs<'_> {
             // of `StyleBackend` affects the next change of style.
             backend: if is_painted || has_looks { StyleBackend::Cpu } else { self.backend(gpu_refused)? },
             under: None,
+            beside: beside.filter(|_| is_painted).cloned().map(Same),
         }))
     }
 

@@ -14,6 +14,7 @@ use crate::{
     scene::{GaussianSplats, LoadedScene, NextScene},
     style::{
         make::{
+            beside::PaintedBeside,
             first::FirstColors,
             inputs::Inputs,
             request::StyleResult,
@@ -42,7 +43,6 @@ pub(crate) struct StyleJobs {
     pub(super) is_unstyling: bool,
 }
 
-#[cfg(feature = "meshes")]
 impl StyleJobs {
     /// The style that is shown, if there is one: of the first scene, for a volume.
     pub(crate) fn shown(&self) -> Option<&Arc<SharedStyle>> {
@@ -172,9 +172,13 @@ type StyledEntity = (
     &'static mut StyleJobs,
     Option<&'static StyleDecoder>,
     Option<&'static StyleTransition>,
-    (Option<&'static GaussianSplats>, Has<NextScene>),
+    (Option<&'static GaussianSplats>, Has<NextScene>, Option<&'static PaintedBeside>),
     Has<StyleVolume>,
 );
+
+/// The components that a style is asked for by.
+type AskedBy<'a> =
+    (&'a StyleSource, Option<&'a StyleDecoder>, Option<&'a StyleTransition>, Option<&'a PaintedBeside>);
 
 /// Takes over results of tasks, then starts wanted styles.
 pub(crate) fn advance_jobs(
@@ -187,7 +191,9 @@ pub(crate) fn advance_jobs(
     mut events: StyleEvents,
 ) {
     let (mut uploading, mut has_strokes) = (Vec::new(), false);
-    for (entity, source, mut jobs, decoder, transition, (splats, has_next), is_volume) in &mut entities {
+    for (entity, source, mut jobs, decoder, transition, (splats, has_next, beside), is_volume) in
+        &mut entities
+    {
         // Borrowed mutably only where there is something to do.
         if jobs.of_scene.iter().all(StyleJob::is_settled) {
             continue;
@@ -213,8 +219,10 @@ pub(crate) fn advance_jobs(
                 continue;
             }
             job.take_over(entity, transition, renderer.is_some(), &mut events);
-            job.start(entity, (source, decoder, transition), &mut inputs, &mut shared, &mut events);
-            if job.show_first_colors(source, decoder, transition, &inputs) {
+            let by = (source, decoder, transition, beside);
+            job.start(entity, by, &mut inputs, &mut shared, &mut events);
+            // Alone, it would not look like what is beside it.
+            if beside.is_none() && job.show_first_colors(source, decoder, transition, &inputs) {
                 events.recolored(entity, job.is_unstyled());
             }
             match &job.stage {
@@ -323,13 +331,14 @@ impl StyleJob {
     fn start(
         &mut self,
         entity: Entity,
-        (source, decoder, transition): (&StyleSource, Option<&StyleDecoder>, Option<&StyleTransition>),
+        (source, decoder, transition, beside): AskedBy,
         inputs: &mut Inputs,
         shared: &mut SharedStyles,
         events: &mut StyleEvents,
     ) {
         let (Stage::Idle, Some(since)) = (&self.stage, self.wanted) else { return };
-        match inputs.request(source, &self.scene, decoder, self.gpu_refused) {
+        let beside = beside.map(|beside| &beside.0);
+        match inputs.request(source, &self.scene, decoder, self.gpu_refused, beside) {
             // Still wanted, so the next frame asks again. The events of assets are not needed for that.
             Ok(None) => {
                 self.has_waited |= inputs.surfaces.done(&self.scene) < 1.0;

@@ -1,5 +1,6 @@
 //! From a wish to colors and strokes: the inputs, the computation, and what is shown meanwhile.
 
+pub(crate) mod beside;
 #[cfg(feature = "meshes")]
 pub(crate) mod brushwork;
 pub(crate) mod first;

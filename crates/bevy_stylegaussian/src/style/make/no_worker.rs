@@ -2,18 +2,26 @@
 
 use std::sync::Arc;
 
-use stylegaussian::Scene;
 /// A painting that is prepared.
 pub(crate) use stylegaussian::paint::Canvas as Painting;
 /// A scene that is prepared to be painted.
 pub(crate) use stylegaussian::paint::Surface as Ground;
+use stylegaussian::{Scene, work::Work};
 
 use crate::work::{Lane, Running, Workers};
 
-/// Begins to prepare a scene.
-pub(crate) fn ground(scene: &Arc<Scene>, workers: &Workers) -> Running<Arc<Ground>> {
-    let scene = Arc::clone(scene);
-    workers.start(Lane::Styles, move |work| Ok(Arc::new(Ground::new(&scene, work)?)))
+/// Begins to prepare a scene, which may stand beside one that is painted.
+pub(crate) fn ground(
+    scene: &Arc<Scene>,
+    beside: Option<&Arc<Ground>>,
+    workers: &Workers,
+) -> Running<Arc<Ground>> {
+    let (scene, beside) = (Arc::clone(scene), beside.cloned());
+    let ground = move |work: &Work| match &beside {
+        None => Ground::new(&scene, work),
+        Some(painted) => Ground::beside(&scene, painted, 1.0, work),
+    };
+    workers.start(Lane::Styles, move |work| Ok(Arc::new(ground(work)?)))
 }
 
 /// A painting that strokes follow.

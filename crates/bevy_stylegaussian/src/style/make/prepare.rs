@@ -32,7 +32,7 @@ pub(crate) fn prepare_surfaces(
     if *method == StyleMethod::Paint && !loaded.is_empty() && worker::is_beside_frames() {
         for loaded in &loaded {
             // A style that is painted on it says if it cannot be computed.
-            let _ = surfaces.get(loaded, &workers);
+            let _ = surfaces.get(loaded, None, &workers);
         }
     }
 }

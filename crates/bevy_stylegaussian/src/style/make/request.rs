@@ -9,7 +9,7 @@ use std::{ops::Deref, sync::Arc};
 use stylegaussian::{
     Decoder, Look, Scene,
     fold::StylizeError,
-    paint::{Canvas, Direction, Hand, Painted, Pin, Tints, pin},
+    paint::{Canvas, Direction, Hand, Painted, Pin, Tints, lay_beside, pin},
     restyle::{self, Recipe, RestyleError},
     strokes::Strokes,
     work::{Canceled, Work},
@@ -17,11 +17,12 @@ use stylegaussian::{
 use stylegaussian_gpu::style::FoldedLayers;
 
 #[cfg(feature = "meshes")]
-use crate::style::make::brushwork::{Beside, Brushwork};
+use crate::style::make::brushwork::Brushwork;
 use crate::{
     colors::{ColorSource, FoldedStyle, StyleColors},
     style::{
         make::{
+            beside::Beside,
             later::{Encoded, Later, Stretched},
             packed::PackedInputs,
             worker::{Ground, Painting},
@@ -49,6 +50,8 @@ pub(crate) struct StyleRequest {
     pub(crate) backend: StyleBackend,
     /// The strokes that are shown, if only images of the style have changed. They stay unless colors are given.
     pub(crate) under: Option<Same<Strokes>>,
+    /// The painted scene that this one is to look like, if it is painted and has no looks.
+    pub(crate) beside: Option<Same<Beside>>,
 }
 
 /// Images and presets, and their weights.
@@ -188,9 +191,15 @@ impl StyleRequest {
     /// The paint of the style, which has these `strokes`, for meshes beside the scene. `None` if it is none.
     #[cfg(feature = "meshes")]
     pub(crate) fn brushwork(&self, strokes: Arc<Strokes>) -> Option<Brushwork> {
-        let Styles::Painted { canvases, surface, decided } = &self.styles else { return None };
-        let painted = Beside::new(surface.clone(), Same(strokes));
-        Some(Brushwork::new(canvases.clone(), decided.clone(), self.content, Some(painted)))
+        let beside = self.to_others(strokes)?;
+        let Styles::Painted { canvases, decided, .. } = &self.styles else { return None };
+        Some(Brushwork::new(canvases.clone(), decided.clone(), self.content, Some(beside)))
+    }
+
+    /// The painted scene, which has these `strokes`, for others beside it. `None` if it is not painted.
+    pub(crate) fn to_others(&self, strokes: Arc<Strokes>) -> Option<Beside> {
+        let Styles::Painted { surface, .. } = &self.styles else { return None };
+        Some(Beside::new(Arc::clone(&surface.0), strokes))
     }
 
     /// The same style in other colors of its paintings, under the `strokes` that it has, or `None` if `colors`
@@ -213,6 +222,7 @@ impl StyleRequest {
             content: self.content,
             backend: self.backend,
             under: Some(Same(strokes)),
+            beside: self.beside.clone(),
         })
     }
 
@@ -259,6 +269,13 @@ impl StyleRequest {
                     // Those that only move strokes are honored afterwards.
                     pins: if self.only_moves() { &[] } else { &decided.pins },
                 };
+                let is_alone = !self.looks.is_empty() || self.under.is_some();
+                if let Some(Same(beside)) = self.beside.as_ref().filter(|_| !is_alone)
+                    && let Some(company) = beside.company(&paintings, &hand, work)?
+                {
+                    let how = (&hand, content, company);
+                    return self.painted(lay_beside(scene, &surface.0, &paintings, how, work)?);
+                }
                 let styles = restyle::Styles::Painted { paintings, surface: &surface.0, hand };
                 let recipe = Recipe { looks, styles, content };
                 // In given colors, textures are no image's own and cannot follow it: strokes are laid on anew.
@@ -277,7 +294,11 @@ impl StyleRequest {
             }
             Styles::None => Recipe { looks, styles: restyle::Styles::None, content }.restyle(scene, work),
         };
-        let Painted { colors, strokes, .. } = painted?;
+        self.painted(painted?)
+    }
+
+    /// The result of paint.
+    fn painted(&self, Painted { colors, strokes, .. }: Painted) -> Result<StyleResult, Failure> {
         self.shown(colors.into(), (!strokes.seeds.is_empty()).then(|| Arc::new(strokes)))
     }
 
@@ -334,6 +355,7 @@ impl StyleRequest {
             && self.under.is_none()
             && other.under.is_none()
             && self.scene == other.scene
+            && self.beside == other.beside
             && self.content == other.content
     }
 

@@ -9,6 +9,7 @@ use crate::{
     scene::GaussianScene,
     style::{
         make::{
+            beside::Beside,
             packed::PackedInputs,
             request::{Computed, StyleRequest, StyleResult},
         },
@@ -112,6 +113,11 @@ impl SharedStyle {
     #[cfg(feature = "meshes")]
     pub(crate) fn brushwork(&self) -> Option<Brushwork> {
         self.request.brushwork(self.poll()?.ok()?.colors.strokes.clone()?)
+    }
+
+    /// Its painted scene, for others beside it, or `None` if it is not painted or not there yet.
+    pub(crate) fn to_others(&self) -> Option<Beside> {
+        self.request.to_others(self.poll()?.ok()?.colors.strokes.clone()?)
     }
 
     /// The same style in other colors of its images, or `None` if there are none. `colors` gives the canvas of

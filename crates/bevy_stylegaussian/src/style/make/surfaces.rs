@@ -9,6 +9,7 @@ use crate::{
     scene::{LoadedScene, PerScene},
     style::{
         make::{
+            beside::Beside,
             later::Input,
             worker::{self, Ground},
         },
@@ -31,11 +32,17 @@ pub(crate) struct Wanted {
 }
 
 impl Surfaces {
-    /// The surface of a scene, or `Ok(None)` until it is there. The first call begins. Whoever waits asks in
-    /// each frame: a surface that nobody asks for is computed no further.
-    pub(crate) fn get(&mut self, loaded: &LoadedScene, workers: &Workers) -> Input<Arc<Ground>> {
+    /// The surface of a scene, or `Ok(None)` until it is there. The first call begins; the scene may stand
+    /// beside one that is painted. Whoever waits asks in each frame: a surface that nobody asks for is computed
+    /// no further.
+    pub(crate) fn get(
+        &mut self,
+        loaded: &LoadedScene,
+        beside: Option<&Beside>,
+        workers: &Workers,
+    ) -> Input<Arc<Ground>> {
         let begin = || {
-            let surface = worker::ground(loaded.scene(), workers);
+            let surface = worker::ground(loaded.scene(), beside.map(|beside| &beside.surface), workers);
             Wanted { surface, is_wanted: true, is_awaited: true }
         };
         let wanted = self.0.get_or_insert_with(loaded, begin);

@@ -127,8 +127,8 @@ impl Drop for There {
     }
 }
 
-/// Begins to prepare a scene.
-pub(crate) fn ground(scene: &Arc<Scene>, workers: &Workers) -> Running<Arc<Ground>> {
+/// Begins to prepare a scene. In a browser, none stands beside another.
+pub(crate) fn ground(scene: &Arc<Scene>, _: Option<&Arc<Ground>>, workers: &Workers) -> Running<Arc<Ground>> {
     let there = There::new(Call::ForgetSurface);
     let ground = Ground { scene: Arc::clone(scene), surface: OnceLock::new(), there };
     workers.start_async(Some(Lane::Styles), async move |work: Work| {

@@ -52,6 +52,8 @@ impl SplatPass {
         first.clear();
         second.clear();
         cloud::check(clouds)?;
+        first.note_drawn(clouds);
+        second.note_drawn(clouds);
         let drawn: Vec<&Cloud> = clouds.iter().filter(|cloud| cloud.is_drawable()).collect();
         let n_records = drawn.iter().map(|cloud| cloud.scene.n_gaussians()).sum();
         if n_records == 0 {

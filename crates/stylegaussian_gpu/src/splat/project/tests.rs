@@ -23,6 +23,8 @@ use crate::{
     },
 };
 
+mod fading;
+
 /// A projected Gaussian.
 struct Twin {
     center: DVec2,
@@ -152,10 +154,20 @@ fn records(gpu: &HeadlessDevice, camera: &Camera, clouds: &[(Scene, Affine3A)]) 
 
 /// Indices of the visible records in order, and all records.
 fn drawn(gpu: &HeadlessDevice, camera: &Camera, clouds: &[Cloud]) -> (Vec<u32>, Vec<Record>) {
+    drawn_in(gpu, &mut SplatView::new(), camera, clouds)
+}
+
+/// The same in a view.
+fn drawn_in(
+    gpu: &HeadlessDevice,
+    view: &mut SplatView,
+    camera: &Camera,
+    clouds: &[Cloud],
+) -> (Vec<u32>, Vec<Record>) {
     let HeadlessDevice { device, queue, .. } = gpu;
-    let (pass, mut view) = (SplatPass::new(device), SplatView::new());
+    let pass = SplatPass::new(device);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    pass.project_and_sort(device, queue, &mut encoder, &mut view, camera, clouds, &SplatSettings::default())
+    pass.project_and_sort(device, queue, &mut encoder, view, camera, clouds, &SplatSettings::default())
         .unwrap();
     queue.submit([encoder.finish()]);
     let sort = view.sort().unwrap();

@@ -1,0 +1,321 @@
+//! Worlds in apps without a window: levels that follow a camera under a budget, files that are missing, styles,
+//! and what is left once a world has gone.
+
+use std::{fs, path::Path};
+
+use bevy::{prelude::*, render::settings::WgpuSettings};
+use stylegaussian::Scene;
+use stylegaussian_files::{
+    world::{FILE, Node as Cell, Run, World as Levels},
+    write_scene,
+};
+use tempfile::TempDir;
+
+use super::world::{rendering::*, *};
+use crate::{
+    GaussianScene, GaussianSplats, SplatTint, StyleGaussianPlugin,
+    scene::LoadedScene,
+    world::{GaussianBudget, GaussianWorld, GaussianWorldFailed, WorldState},
+};
+
+/// Gaussians of a cell at each level, the finest first.
+const COUNTS: [usize; 3] = [200, 40, 8];
+
+/// Two by two cells of the size 2: one before the camera, one far behind that, and two that it does not see.
+const CENTERS: [Vec3; 4] =
+    [Vec3::ZERO, Vec3::new(0.0, 0.0, -40.0), Vec3::new(60.0, 0.0, 0.0), Vec3::new(60.0, 0.0, -40.0)];
+
+/// Exactly enough for the finest level of the first cell and the second one of the next.
+const BUDGET: usize = 200 + 40 + 8 + 8;
+
+/// Writes the world, one file for each level.
+fn write_world(folder: &Path) {
+    for (level, count) in COUNTS.into_iter().enumerate() {
+        let mut scene =
+            Scene { features: None, decoder: None, ..small_scene(CENTERS.len() * count, level as u64) };
+        for (i, mean) in scene.means.iter_mut().enumerate() {
+            *mean += CENTERS[i / count];
+        }
+        write_scene(&folder.join(format!("{level}.sog")), &scene).unwrap();
+    }
+    let cell = |(i, center): (usize, Vec3)| Cell {
+        bounds: [center - Vec3::ONE, center + Vec3::ONE],
+        levels: COUNTS
+            .into_iter()
+            .enumerate()
+            .map(|(file, count)| Some(Run { file, range: i * count..(i + 1) * count }))
+            .collect(),
+    };
+    let levels = Levels {
+        n_levels: COUNTS.len(),
+        files: (0..COUNTS.len()).map(|level| format!("{level}.sog")).collect(),
+        environment: None,
+        nodes: CENTERS.into_iter().enumerate().map(cell).collect(),
+    };
+    fs::write(folder.join(FILE), levels.write()).unwrap();
+}
+
+/// A game that shows a world before a camera.
+struct Game {
+    app: App,
+    world: Entity,
+    camera: Entity,
+    _folder: TempDir,
+}
+
+impl Game {
+    fn new(change: impl FnOnce(&Path)) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        write_world(folder.path());
+        change(folder.path());
+        let file_path = folder.path().to_string_lossy().into_owned();
+        let mut app = app_with_assets(AssetPlugin { file_path, ..default() });
+        app.insert_resource(GaussianBudget { gaussians: BUDGET, ..default() });
+        let manifest = app.world().resource::<AssetServer>().load(FILE);
+        let world = app.world_mut().spawn(GaussianWorld(manifest)).id();
+        let camera = app.world_mut().spawn((Camera3d::default(), Transform::from_xyz(0.0, 0.0, 6.0))).id();
+        Self { app, world, camera, _folder: folder }
+    }
+
+    fn state(&self) -> WorldState {
+        *self.app.world().get(self.world).unwrap()
+    }
+
+    /// Updates until each cell shows so many Gaussians. No cell that was shown is ever empty, and none shows
+    /// two levels.
+    fn until_shown(&mut self, expected: [usize; 4]) {
+        let (world, mut last) = (self.world, [0; 4]);
+        update_until(&mut self.app, "the levels", |app| {
+            let shown = shown(app, world);
+            assert!(
+                shown.iter().zip(last).all(|(now, before)| *now > 0 || before == 0),
+                "{shown:?}, {last:?}"
+            );
+            assert!(shown.iter().all(|now| *now == 0 || COUNTS.contains(now)), "{shown:?}");
+            last = shown;
+            shown == expected && app.get::<WorldState>(world).is_some_and(WorldState::is_settled)
+        });
+    }
+}
+
+/// The children of a world that are shown, with their cells and numbers of Gaussians.
+fn children(app: &mut World, world: Entity) -> Vec<(Entity, usize, usize)> {
+    let mut runs = app.query::<(Entity, &ChildOf, &Visibility, &LoadedScene)>();
+    let of_world = runs
+        .iter(app)
+        .filter(|(_, parent, visibility, _)| parent.parent() == world && **visibility != Visibility::Hidden);
+    let cell = |scene: &LoadedScene| {
+        let mean = scene.scene().means[0];
+        CENTERS.iter().position(|center| center.distance(mean) < 3.0).unwrap()
+    };
+    of_world.map(|(run, _, _, scene)| (run, cell(scene), scene.scene().len())).collect()
+}
+
+/// Gaussians that each cell shows.
+fn shown(app: &mut World, world: Entity) -> [usize; 4] {
+    let mut found = [0; 4];
+    for (_, cell, n) in children(app, world) {
+        found[cell] += n;
+    }
+    found
+}
+
+#[test]
+fn levels_follow_the_camera_within_the_budget() {
+    let mut game = Game::new(|_| {});
+    game.until_shown([200, 40, 8, 8]);
+    let state = game.state();
+    assert_eq!((state.parts, state.shown_parts, state.shown), (4, 4, BUDGET));
+    assert_eq!((state.arriving, state.waiting, state.unstyled), (0, 0, 0));
+
+    // A camera that stands still changes nothing, for several cuts.
+    let before = children(game.app.world_mut(), game.world);
+    let begun = std::time::Instant::now();
+    while begun.elapsed().as_millis() < 300 {
+        game.app.update();
+        assert_eq!(children(game.app.world_mut(), game.world), before);
+    }
+
+    // It turns around the far corner.
+    let at = Transform::from_xyz(60.0, 0.0, -46.0).looking_at(CENTERS[3], Vec3::Y);
+    game.app.world_mut().entity_mut(game.camera).insert(at);
+    game.until_shown([8, 8, 40, 200]);
+    // Nothing is shown beyond the fewest if there is no budget for it.
+    game.app.insert_resource(GaussianBudget { gaussians: 32, ..default() });
+    game.until_shown([8; 4]);
+}
+
+/// The file of the finest level is missing, and that of the next one has half of the Gaussians.
+#[test]
+fn files_that_cannot_be_had_are_told_once_and_the_game_goes_on() {
+    let mut game = Game::new(|folder| {
+        fs::remove_file(folder.join("0.sog")).unwrap();
+        let half = Scene { features: None, decoder: None, ..small_scene(80, 1) };
+        write_scene(&folder.join("1.sog"), &half).unwrap();
+    });
+    let mut told: Vec<GaussianWorldFailed> = Vec::new();
+    update_until(&mut game.app, "two failures", |app| {
+        told.extend(app.resource_mut::<Messages<GaussianWorldFailed>>().drain());
+        told.len() >= 2
+    });
+    game.until_shown([8; 4]);
+    for _ in 0..50 {
+        game.app.update();
+    }
+    told.extend(drain::<GaussianWorldFailed>(&mut game.app));
+    told.sort_by(|a, b| a.file.cmp(&b.file));
+    let files: Vec<&str> = told.iter().map(|failed| &*failed.file).collect();
+    assert_eq!(files, ["0.sog", "1.sog"]);
+    assert!(told.iter().all(|failed| failed.entity == game.world && failed.error.contains(&failed.file)));
+    assert!(told[1].error.contains("80 Gaussians") && told[1].error.contains("160"), "{}", told[1].error);
+}
+
+#[test]
+fn a_manifest_that_is_none_is_told() {
+    let mut game = Game::new(|folder| fs::write(folder.join(FILE), b"{\"lodLevels\": 3}").unwrap());
+    let mut told = Vec::new();
+    update_until(&mut game.app, "a failure", |app| {
+        told.extend(app.resource_mut::<Messages<GaussianWorldFailed>>().drain());
+        !told.is_empty()
+    });
+    game.app.update();
+    told.extend(drain::<GaussianWorldFailed>(&mut game.app));
+    assert_eq!(told.len(), 1);
+    assert!(told[0].error.contains(FILE), "{}", told[0].error);
+    assert_eq!(game.state(), WorldState::default());
+}
+
+#[test]
+fn what_holds_for_a_world_holds_for_its_children() {
+    let mut game = Game::new(|_| {});
+    let dark = SplatTint { exposure: -2.0, ..default() };
+    game.app.world_mut().entity_mut(game.world).insert(dark);
+    game.until_shown([200, 40, 8, 8]);
+    let tints = |game: &mut Game| -> Vec<Option<SplatTint>> {
+        let children = children(game.app.world_mut(), game.world);
+        children.iter().map(|(run, ..)| game.app.world().get(*run).copied()).collect()
+    };
+    assert_eq!(tints(&mut game), [Some(dark); 4]);
+    game.app.world_mut().entity_mut(game.world).remove::<SplatTint>();
+    game.app.update();
+    assert_eq!(tints(&mut game), [None; 4]);
+}
+
+#[test]
+fn nothing_is_left_of_a_world_that_goes() {
+    for despawns in [true, false] {
+        let mut game = Game::new(|_| {});
+        game.until_shown([200, 40, 8, 8]);
+        let mut entity = game.app.world_mut().entity_mut(game.world);
+        if despawns {
+            entity.despawn();
+        } else {
+            entity.remove::<GaussianWorld>();
+        }
+        // The app's own scenes are none.
+        update_until(&mut game.app, "an empty game", |app| {
+            let mut runs = app.query::<&GaussianSplats>();
+            runs.iter(app).count() == 0 && app.resource::<Assets<GaussianScene>>().is_empty()
+        });
+    }
+}
+
+/// Pixels that show something never become fewer while finer levels fade in over coarser ones.
+#[test]
+fn nothing_is_lost_while_levels_change() {
+    if !has_adapter() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    write_world(folder.path());
+    let file_path = folder.path().to_string_lossy().into_owned();
+    let mut app = app_of_settings(WgpuSettings::default(), AssetPlugin { file_path, ..default() });
+    app.insert_resource(QUICK_THREADS);
+    app.add_plugins(StyleGaussianPlugin { synchronous_pipeline_compilation: true });
+    let mut app = finish(app);
+    // The first level alone, and then all.
+    app.insert_resource(GaussianBudget { gaussians: 32, ..default() });
+    let image = render_target(&mut app, UVec2::splat(48));
+    app.world_mut().spawn((
+        Camera3d::default(),
+        Camera { clear_color: Color::BLACK.into(), ..default() },
+        target(&image),
+        Transform::from_xyz(0.0, 0.0, 4.0),
+    ));
+    let manifest = app.world().resource::<AssetServer>().load(FILE);
+    let world = app.world_mut().spawn(GaussianWorld(manifest)).id();
+    let is_there = |n: usize| {
+        move |world_of: &mut World| {
+            let state = world_of.get::<WorldState>(world).unwrap();
+            state.is_settled() && state.shown == n && state.arriving == 0
+        }
+    };
+    update_until(&mut app, "the coarsest level", is_there(32));
+    let n_lit = |app: &App| {
+        read_back(app, &image).iter().filter(|pixel| pixel[..3].iter().any(|c| *c > 0.02)).count()
+    };
+    // What is there has come in by then.
+    let begun = std::time::Instant::now();
+    while begun.elapsed().as_millis() < 300 {
+        app.update();
+    }
+    let before = n_lit(&app);
+    assert!(before > 50, "{before} pixels");
+    app.insert_resource(GaussianBudget { gaussians: BUDGET, ..default() });
+    let mut least = before;
+    let is_finer = is_there(BUDGET);
+    for _ in 0..10_000 {
+        if is_finer(app.world_mut()) {
+            break;
+        }
+        app.update();
+        least = least.min(n_lit(&app));
+    }
+    assert!(is_finer(app.world_mut()), "{:?}", app.world().get::<WorldState>(world));
+    // Splats over one another may darken an edge.
+    assert!(least + 3 >= before, "{least} pixels of {before}");
+    assert!(n_lit(&app) > before);
+}
+
+#[cfg(feature = "images")]
+mod styled {
+    use bevy::platform::collections::HashSet;
+
+    use super::*;
+    use crate::{AppliedStyle, HiddenUntilStyled, StyleSource, tests::paint::noise};
+
+    /// Once a cell shows paint, it shows nothing else, whatever level comes.
+    #[test]
+    fn levels_arrive_in_the_style_of_their_world() {
+        let mut game = Game::new(|_| {});
+        let painting = add(&mut game.app, noise(1, [200, 40, 30], [20, 40, 180]));
+        let style = (StyleSource::image(painting), HiddenUntilStyled);
+        game.app.world_mut().entity_mut(game.world).insert(style);
+        let world = game.world;
+        let mut painted = HashSet::new();
+        update_until(&mut game.app, "a painted world", |app| {
+            for (run, cell, _) in children(app, world) {
+                assert!(app.get::<AppliedStyle>(run).is_some(), "cell {cell} is shown without paint");
+                painted.insert(run);
+            }
+            let is_settled = app.get::<WorldState>(world).is_some_and(WorldState::is_settled);
+            is_settled && shown(app, world) == [200, 40, 8, 8]
+        });
+        assert!(painted.len() > 4, "finer levels took the place of coarser ones");
+        // The next style reaches all that is shown, and no style takes all of it away.
+        let next = add(&mut game.app, noise(2, [20, 140, 30], [240, 240, 180]));
+        game.app.world_mut().entity_mut(world).insert(StyleSource::image(next.clone()));
+        update_until(&mut game.app, "the next style", |app| {
+            let source = StyleSource::image(next.clone());
+            let runs = children(app, world);
+            let has = |run: &Entity| app.get::<StyleSource>(*run) == Some(&source);
+            runs.iter().all(|(run, ..)| has(run))
+                && app.get::<WorldState>(world).is_some_and(WorldState::is_settled)
+        });
+        game.app.world_mut().entity_mut(world).remove::<StyleSource>();
+        update_until(&mut game.app, "no style", |app| {
+            let runs = children(app, world);
+            runs.iter().all(|(run, ..)| app.get::<AppliedStyle>(*run).is_none())
+        });
+    }
+}

@@ -1,0 +1,106 @@
+//! The components of a world, and the budget of all of them.
+
+use bevy::prelude::*;
+
+use super::{asset::WorldManifest, tree::Tree};
+
+/// Shows a [`WorldManifest`]: a capture that is larger than a GPU, at levels of detail that follow the cameras.
+///
+/// It is placed by the entity's `Transform`. Its Gaussians come and go as children of the entity, each with a
+/// [`GaussianSplats`](crate::GaussianSplats) of its own: a part of the capture at one level. So rays, picking,
+/// volumes, eyes and depth see a world as they see any scene. The children are the plugin's, and a saved game
+/// need not have them.
+///
+/// These components of the entity hold for all of its children, and for those to come: `RenderLayers`,
+/// [`SplatTint`](crate::SplatTint), [`SplatShadows`](crate::SplatShadows),
+/// [`StyleSource`](crate::StyleSource), [`StyleTransition`](crate::StyleTransition) and
+/// [`StyleDecoder`](crate::style::decoder::StyleDecoder). A style reaches what is largest on screen first, and
+/// what arrives later is shown once it is painted; until then, the coarser level stays as it was painted. With
+/// [`HiddenUntilStyled`](crate::HiddenUntilStyled), the first level of a part waits for its paint as well.
+/// Pins, looks and masks are of single scenes, and do not fit a world.
+///
+/// All parts are painted to look like one scene, which some Gaussians of the coarsest levels are painted as
+/// first: in one palette, in strokes of one size and contrast. Each part searches for its strokes by itself, so
+/// a stroke ends where its part ends. In a browser, each part is painted alone.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_stylegaussian::{StyleSource, world::GaussianWorld};
+/// # fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
+/// commands.spawn((
+///     GaussianWorld(assets.load("city/lod-meta.json")),
+///     StyleSource::image(assets.load("starry.jpg")),
+/// ));
+/// # }
+/// ```
+#[derive(Component, Clone, Debug, Default, PartialEq, Eq, Reflect)]
+#[require(Transform, Visibility, WorldState, Tree)]
+#[reflect(Component, Clone, Debug, Default, PartialEq)]
+pub struct GaussianWorld(pub Handle<WorldManifest>);
+
+/// What is there of a [`GaussianWorld`], as of the last frame. For reading.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Component, Clone, Debug, Default, PartialEq)]
+pub struct WorldState {
+    /// Parts of the capture, each of which is shown at one level at a time; 0 until the manifest is loaded.
+    pub parts: usize,
+    /// Parts that are shown at some level.
+    pub shown_parts: usize,
+    /// Gaussians that are shown.
+    pub shown: usize,
+    /// Gaussians in memory beside those: levels that take the place of others once they are complete, and
+    /// those that fade out.
+    pub arriving: usize,
+    /// Files that are being read.
+    pub loading: usize,
+    /// Parts that are to be shown at another level. Parts whose files failed are not counted.
+    pub waiting: usize,
+    /// Parts that do not show the present [`StyleSource`](crate::StyleSource) yet.
+    pub unstyled: usize,
+}
+
+impl WorldState {
+    /// Whether all parts are as the cameras and the budget ask for, and in their style.
+    pub fn is_settled(&self) -> bool {
+        self.parts > 0 && self.waiting == 0 && self.unstyled == 0
+    }
+}
+
+/// The Gaussians of all [`GaussianWorld`]s together. Set it at any time.
+///
+/// All cameras share it: the Gaussians go where they are largest on any screen. While one level takes the place
+/// of another, both are in memory.
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[reflect(Resource, Clone, Debug, Default, PartialEq)]
+pub struct GaussianBudget {
+    /// The most Gaussians that are shown.
+    pub gaussians: usize,
+    /// The most Gaussians of files that are being read at a time. One file is always read, whatever its size.
+    pub in_flight: usize,
+    /// The most Gaussians that are handed to the GPU in a frame. One part always is, whatever its size.
+    pub per_frame: usize,
+}
+
+impl Default for GaussianBudget {
+    /// 3 million Gaussians: at 56 bytes each, 168 MB in main memory, and about as much on the GPU for each
+    /// view. A million in flight, and a quarter of a million in a frame.
+    fn default() -> Self {
+        // A Gaussian takes 14 numbers: mean, rotation, scales, opacity, and one color.
+        Self { gaussians: 3_000_000, in_flight: 1_000_000, per_frame: 250_000 }
+    }
+}
+
+/// Sent if a file of a [`GaussianWorld`] cannot be shown: once for each file. The world stays as it is without
+/// it, in coarser levels where there are any, and the file is not tried again until the manifest is reloaded.
+///
+/// Written as a message and triggered on the entity for observers.
+#[derive(Message, EntityEvent, Clone, Debug, Reflect)]
+#[reflect(Clone, Debug)]
+pub struct GaussianWorldFailed {
+    /// The entity of the world.
+    pub entity: Entity,
+    /// The file, as a path of an asset.
+    pub file: String,
+    /// The reason. It names the file, too.
+    pub error: String,
+}

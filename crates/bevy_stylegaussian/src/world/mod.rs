@@ -1,0 +1,80 @@
+//! Worlds: captures that are larger than a GPU, at levels of detail that are streamed as cameras move.
+//!
+//! [`GaussianWorld`] shows a [`WorldManifest`] under one [`GaussianBudget`] for all worlds and cameras.
+//! [`WorldState`] says what is there of it, and [`GaussianWorldFailed`] which files could not be had.
+//!
+//! A part of a capture is always shown at one level: the coarser one stays until the finer one can be drawn, in
+//! its style if there is one, and fades in over it. Ten times a second, the Gaussians go where they are largest
+//! on any screen ([`stylegaussian::cut`]), also where cameras are about to look. What was seen a moment ago
+//! stays for a while.
+
+// This is the top room. `plan` follows manifests and chooses levels; `stream` reads chunks, cuts runs out of
+// them and swaps them, one child per run (`tree` has the state); `style` gives children what their world has,
+// and `reference` what they are painted like.
+
+use bevy::{
+    camera::visibility::{RenderLayers, VisibilitySystems},
+    prelude::*,
+};
+
+use crate::{
+    loader::FileLoader,
+    splats::{SplatShadows, SplatTint},
+    style::decoder::StyleDecoder,
+    systems::StyleGaussianSystems,
+};
+
+mod asset;
+mod component;
+mod failure;
+mod plan;
+mod reference;
+mod stream;
+mod style;
+mod tree;
+mod views;
+
+pub use asset::WorldManifest;
+pub use component::{GaussianBudget, GaussianWorld, GaussianWorldFailed, WorldState};
+
+/// Loads and shows worlds.
+pub(crate) struct WorldPlugin;
+
+impl Plugin for WorldPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_asset::<WorldManifest>()
+            .init_asset_loader::<FileLoader<WorldManifest>>()
+            .init_resource::<GaussianBudget>()
+            .add_message::<GaussianWorldFailed>()
+            .register_type::<WorldManifest>()
+            .register_type::<GaussianWorld>()
+            .register_type::<WorldState>()
+            .register_type::<GaussianBudget>()
+            .register_type::<GaussianWorldFailed>()
+            .add_systems(
+                PostUpdate,
+                (
+                    // Chained, so that what one system spawns is there for the next.
+                    plan::drop_removed_worlds,
+                    plan::follow_manifests,
+                    stream::note_drawable_runs,
+                    plan::choose_levels,
+                    stream::stream_runs,
+                    (
+                        style::hand_down::<RenderLayers>,
+                        style::hand_down::<SplatTint>,
+                        style::hand_down::<SplatShadows>,
+                        style::hand_down::<StyleDecoder>,
+                        style::hand_down_transitions,
+                    ),
+                    reference::make_references,
+                    style::style_runs,
+                )
+                    .chain()
+                    // A run that takes the place of another is seen in the frame in which the other goes.
+                    .before(StyleGaussianSystems::Scenes)
+                    .before(VisibilitySystems::VisibilityPropagate)
+                    .before(TransformSystems::Propagate),
+            );
+    }
+}
