@@ -181,6 +181,10 @@ impl Means<'_, '_> {
     fn advance(&mut self, of: &Of, tree: &mut Tree, index: usize, left: &mut Left) {
         let Some(levels) = tree.levels.clone() else { return };
         let node = &mut tree.nodes[index];
+        // A chunk that has just failed may have changed what it waits for.
+        if !node.is_waiting() {
+            return;
+        }
         let Some(wanted) = node.next() else {
             // The budget has no room for it at any level.
             node.drop_all(&mut self.commands);
