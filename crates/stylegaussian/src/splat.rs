@@ -135,7 +135,7 @@ fn draw(
 ) -> RenderedImage {
     assert!(colors.len().is_none_or(|n| n == scene.len()), "one color per Gaussian");
     assert!(visibility.is_none_or(|mask| mask.weights.len() == scene.len()), "one weight per Gaussian");
-    let splats = project_with(&Projection { is_half, ..Projection::new(camera) }, scene, visibility);
+    let splats = project_with(&Projection::new(camera).of_half(is_half), scene, visibility);
     let colors = splat_colors(scene, colors, camera, &splats);
     let records = strokes.map(|(strokes, knobs)| stroke_records(scene, strokes, knobs, camera, &splats));
     let reliefs = strokes.map(|(strokes, knobs)| reliefs(scene, strokes, knobs, camera, &splats));

@@ -87,7 +87,7 @@ pub(crate) struct Projection<'a> {
     /// The largest |x / z| and |y / z| at which the projection is linearized.
     limit: Vec2,
     /// Whether splats keep the sums that they have in a picture of twice the width and height.
-    pub(super) is_half: bool,
+    is_half: bool,
 }
 
 impl<'a> Projection<'a> {
@@ -95,6 +95,11 @@ impl<'a> Projection<'a> {
     pub(crate) fn new(camera: &'a Camera) -> Self {
         let limit = LINEARIZED_WITHIN * camera.size.as_vec2() / (2.0 * camera.focal);
         Self { camera, rotation: camera.view_from_world.matrix3.into(), limit, is_half: false }
+    }
+
+    /// The same projection, into a picture of half the size if `is_half` is true.
+    pub(super) fn of_half(self, is_half: bool) -> Self {
+        Self { is_half, ..self }
     }
 
     /// The standard deviations of Gaussian `i` along its three axes as they appear in the picture, in pixels,
