@@ -12,7 +12,8 @@
 }
 
 #ifdef VISIBILITY_RANGE_DITHER
-#import bevy_pbr::pbr_functions::visibility_range_dither
+// By another name than that of the field, which the import would rename.
+#import bevy_pbr::pbr_functions::visibility_range_dither as dither_by_range
 #endif
 
 #ifdef OIT_ENABLED
@@ -217,7 +218,7 @@ fn fragment(
     let strokes = strokes_of(paint, world_x, world_y);
 
 #ifdef VISIBILITY_RANGE_DITHER
-    visibility_range_dither(vertex_output.position, vertex_output.visibility_range_dither);
+    dither_by_range(vertex_output.position, vertex_output.visibility_range_dither);
 #endif
 
     var pbr_input = pbr_input_from_standard_material(vertex_output, is_front);
