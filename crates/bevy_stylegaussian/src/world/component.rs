@@ -12,7 +12,7 @@ use super::{asset::WorldManifest, tree::Tree};
 /// need not have them.
 ///
 /// These components of the entity hold for all of its children, and for those to come: `RenderLayers`,
-/// [`SplatTint`](crate::SplatTint), [`SplatShadows`](crate::SplatShadows),
+/// [`SplatTint`](crate::SplatTint), [`SplatShadows`](crate::SplatShadows), [`SplatCaster`](crate::SplatCaster),
 /// [`StyleSource`](crate::StyleSource), [`StyleTransition`](crate::StyleTransition) and
 /// [`StyleDecoder`](crate::style::decoder::StyleDecoder). A style reaches what is largest on screen first, and
 /// what arrives later is shown once it is painted; until then, the coarser level stays as it was painted. With

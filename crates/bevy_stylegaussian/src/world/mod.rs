@@ -18,9 +18,7 @@ use bevy::{
 };
 
 use crate::{
-    loader::FileLoader,
-    splats::{SplatShadows, SplatTint},
-    style::decoder::StyleDecoder,
+    colors::SplatTint, loader::FileLoader, splats::SplatShadows, style::decoder::StyleDecoder,
     systems::StyleGaussianSystems,
 };
 
@@ -64,6 +62,7 @@ impl Plugin for WorldPlugin {
                         style::hand_down::<RenderLayers>,
                         style::hand_down::<SplatTint>,
                         style::hand_down::<SplatShadows>,
+                        style::hand_down::<SplatCaster>,
                         style::hand_down::<StyleDecoder>,
                         style::hand_down_transitions,
                     ),

@@ -89,7 +89,7 @@ impl Tree {
 fn gathered(scenes: &[Arc<Scene>], most: usize) -> Scene {
     let n: usize = scenes.iter().map(|scene| scene.len()).sum();
     let every = n.div_ceil(most.max(1)).max(1);
-    let (mut gathered, mut colors, mut passed) = (Scene::default(), Vec::new(), 0);
+    let (mut gathered, mut colors, mut passed) = (Scene::default(), Vec::new(), 0_usize);
     for scene in scenes {
         let base = scene.base_colors();
         // As if all scenes were one.
