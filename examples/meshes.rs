@@ -1,7 +1,7 @@
 //! Splats among meshes: lit cubes circle in front of a styled scene, behind it and through it. Cubes cover
-//! splats behind them and cast shadows on others, and splats do the same to cubes. A pane of glass in front tints
-//! the scene, and the scene stands in water. The splats write depth, so they hide the water behind them, and depth
-//! of field blurs what is near and far.
+//! splats behind them and cast shadows on others, and splats do the same to cubes. A pane of glass in front
+//! tints the scene, and the scene stands in water. The splats write depth, so they hide the water behind them,
+//! and depth of field blurs what is near and far.
 //!
 //! ```sh
 //! cargo run --release --example meshes

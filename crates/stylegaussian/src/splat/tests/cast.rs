@@ -32,7 +32,7 @@ fn a_splat_casts_a_shadow_where_its_alpha_is_above_the_threshold() {
 /// covariances.
 #[test]
 fn cores_agree_with_alphas() {
-    let (scene, camera) = (random_scene(150), random_camera());
+    let (scene, camera) = (random_scene(400), random_camera());
     let mut expected = vec![f32::INFINITY; (camera.size.x * camera.size.y) as usize];
     for i in 0..scene.len() {
         let one = Scene {
@@ -64,6 +64,6 @@ fn cores_agree_with_alphas() {
         let n_wrong =
             found.iter().zip(&expected).filter(|(found, expected)| is_wrong(**found, **expected)).count();
         assert!(n_wrong < 3, "{n_wrong} pixels differ");
-        assert!(found.iter().filter(|depth| depth.is_finite()).count() > 300);
+        assert!(found.iter().filter(|depth| depth.is_finite()).count() > 50);
     }
 }
