@@ -199,7 +199,8 @@ fn meshes_have_no_fringe() {
     assert!((1000..4000).contains(&hidden), "{hidden} pixels are hidden");
     let is_off = |(found, expected): &(&[f32; 4], &[f32; 4])| (found[3] - expected[3]).abs() > 0.02;
     let n_off = half.iter().zip(&whole).filter(is_off).count();
-    // The tips of the triangle are thinner than a low pixel. A fringe would be as long as its edges, 170 pixels.
+    // The tips of the triangle are thinner than a low pixel. A fringe would be as long as its edges, 170
+    // pixels.
     assert!(n_off <= 12, "{n_off} pixels are off");
 }
 
