@@ -177,11 +177,11 @@ fn volume_weight(volume: u32, point: vec3<f32>) -> f32 {
     if light.volumes[volume].shape == SHAPE_EVERYTHING {
         return 1.0;
     }
-    let from = vec4(point, 1.0);
+    let seen = vec4(point, 1.0);
     let at = vec3(
-        dot(light.volumes[volume].shape_from_view_x, from),
-        dot(light.volumes[volume].shape_from_view_y, from),
-        dot(light.volumes[volume].shape_from_view_z, from),
+        dot(light.volumes[volume].shape_from_view_x, seen),
+        dot(light.volumes[volume].shape_from_view_y, seen),
+        dot(light.volumes[volume].shape_from_view_z, seen),
     );
     let distance = shape_distance(light.volumes[volume].shape, light.volumes[volume].sizes, at);
     return weight_at(distance, light.volumes[volume].softness, light.volumes[volume].inverse_softness);

@@ -55,10 +55,10 @@ fn along_curve(change: u32, point: vec3<f32>) -> vec3<f32> {
     var nearest = 0u;
     var part = 0.0;
     for (var i = 0u; i + 1u < uniforms.changes[change].n_points; i++) {
-        let from = point - uniforms.changes[change].points[i].at;
+        let beyond = point - uniforms.changes[change].points[i].at;
         let whole = uniforms.changes[change].points[i + 1u].at - uniforms.changes[change].points[i].at;
-        let along = clamp(dot(from, whole) / max(dot(whole, whole), 1.2e-38), 0.0, 1.0);
-        let apart = from - along * whole;
+        let along = clamp(dot(beyond, whole) / max(dot(whole, whole), 1.2e-38), 0.0, 1.0);
+        let apart = beyond - along * whole;
         if dot(apart, apart) < least {
             least = dot(apart, apart);
             nearest = i;

@@ -91,7 +91,7 @@ fn half_the_size_is_nearly_the_whole() {
         let half = studio.shoot();
         let likeness = psnr(&half, &whole, |i| whole[i].iter().any(|&channel| channel > 0.02));
         println!("{msaa:?}: {likeness:.1} dB");
-        assert!(likeness > 30.0 && half != whole, "{msaa:?}: {likeness:.1} dB");
+        assert!(likeness > 26.0 && half != whole, "{msaa:?}: {likeness:.1} dB");
         assert_ne!(held(&mut studio).layers, before.layers);
         studio.app.world_mut().entity_mut(camera).remove::<SplatCuts>();
         assert!(studio.shoot() == whole, "{msaa:?}: something is left");
@@ -105,5 +105,5 @@ fn half_the_size_is_nearly_the_whole() {
     let whole = studio.shoot();
     studio.app.world_mut().entity_mut(camera).insert(SplatCuts { half_size: true, ..default() });
     let likeness = psnr(&studio.shoot(), &whole, |i| whole[i].iter().any(|&channel| channel > 0.02));
-    assert!(likeness > 30.0, "after tonemapping: {likeness:.1} dB");
+    assert!(likeness > 26.0, "after tonemapping: {likeness:.1} dB");
 }

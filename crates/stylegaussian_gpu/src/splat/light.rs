@@ -273,7 +273,7 @@ impl LitView {
             let tint = wish.tints.get(i).and_then(Tint::matrix);
             let amount = wish.shadow_amounts.get(i).filter(|amount| wish.shadows.is_some() && **amount > 0.0);
             let (volumes, n_volumes) =
-                volumes::of_view(wish.volumes.get(i).map_or(&[], Vec::as_slice), camera);
+                volumes::of_view(wish.volumes.get(i).map_or(&[][..], Vec::as_slice), camera);
             if fog.is_some() || tint.is_some() || amount.is_some() || n_volumes > 0 {
                 let [tint_red, tint_green, tint_blue] = rows(tint.unwrap_or(Mat3::IDENTITY));
                 let has_strokes = u32::from(has_strokes && cloud.colors.painted().is_some());
