@@ -129,8 +129,9 @@ fn drawn(split: &Split, spots: &Spots, own_of: &[[f32; 3]], paint: &MeshPaint, c
             let pixel = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             let (of_corners, z) = shares(pixel);
             let i = y * SIDE + x;
-            // NaN of a triangle without an area is not either.
-            if !(of_corners.min_element() >= 0.0 && z < depth[i]) {
+            // Comparisons with NaN, of a triangle without an area, are false.
+            let is_shown = of_corners.min_element() >= 0.0 && z < depth[i];
+            if !is_shown {
                 continue;
             }
             depth[i] = z;
