@@ -38,8 +38,8 @@
 //!   [decoder](style::decoder).
 //! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`],
 //!   [`GaussianWorldFailed`], [`StyleRecolored`](style::StyleRecolored), [`StyleApplied`], `StyleRefined`,
-//!   [`StyleFailed`], [`StyleMaskFailed`](mask::StyleMaskFailed). The component [`AppliedStyle`] holds the style
-//!   that an entity shows, and can save the styled scene.
+//!   [`StyleFailed`], [`StyleMaskFailed`](mask::StyleMaskFailed). The component [`AppliedStyle`] holds the
+//!   style that an entity shows, and can save the styled scene.
 //!
 //! The root has what most games name. The rest is in modules: [`scene`], [`style`] with its
 //! [`decoder`](style::decoder), [`mask`], [`picking`] and [`world`].

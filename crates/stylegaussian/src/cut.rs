@@ -99,8 +99,8 @@ pub fn error(pixels: f32, count: usize) -> f32 {
 /// which stays where views hardly change; it may be shorter.
 ///
 /// Nodes that no view sees have their fewest Gaussians. If those of all nodes exceed the budget, nodes of
-/// little error have none. Of nodes with equal boxes and counts, a nearer one has no coarser level. The same input
-/// gives the same cut, and a cut from itself is itself.
+/// little error have none. Of nodes with equal boxes and counts, a nearer one has no coarser level. The same
+/// input gives the same cut, and a cut from itself is itself.
 pub fn cut(nodes: &[CutNode], budget: usize, before: &[Option<usize>]) -> Cut {
     let pixels: Vec<f32> = nodes.iter().map(pixels_of).collect();
     let had = |node: usize, level: usize| before.get(node).copied().flatten().is_some_and(|had| had <= level);

@@ -10,6 +10,7 @@ use stylegaussian_shaders::splat::{
 
 use super::{
     camera::Camera,
+    cloud::Cloud,
     edges::EdgeUniforms,
     error::SplatError,
     light::{LightBuffers, LitView, ViewLight},
@@ -196,6 +197,22 @@ impl SplatView {
     /// cost nothing.
     pub fn set_light(&mut self, light: Option<ViewLight>) {
         self.lit.set(light);
+    }
+
+    /// Fades clouds, for all frames until the next call: the shares of their opacities that are left out, 0..1,
+    /// in the order in which clouds are given. Those beyond the last one, and by default all, are drawn whole.
+    pub fn set_faded(&mut self, shares: Vec<f32>) {
+        self.fades.wanted = shares;
+    }
+
+    /// Notes which of the clouds are drawn in this frame.
+    pub(super) fn note_drawn(&mut self, clouds: &[Cloud]) {
+        self.fades.note_drawn(clouds);
+    }
+
+    /// The flags of a chunk of the i-th cloud that is drawn, with its fade.
+    pub(super) fn with_fade(&self, i: usize, flags: u32) -> u32 {
+        self.fades.on(i, flags)
     }
 
     /// What is an edge for `camera`, and the whole picture's viewport; `None` if there is nothing to draw.
