@@ -18,7 +18,10 @@ use bevy::{
 };
 
 use crate::{
-    colors::SplatTint, loader::FileLoader, splats::SplatShadows, style::decoder::StyleDecoder,
+    colors::SplatTint,
+    loader::FileLoader,
+    splats::{SplatCaster, SplatShadows},
+    style::decoder::StyleDecoder,
     systems::StyleGaussianSystems,
 };
 
