@@ -13,11 +13,13 @@ pub mod depth;
 pub mod half;
 pub mod light;
 pub mod strokes;
+mod tiles;
 
 use self::half::SplatHalf;
 pub use composite::{CompositeKind, SplatComposite, SplatEdges, composite, edges, lift};
 use depth::SplatIso;
 use strokes::{CurvePoint, StrokeChange, StrokeChunk, StrokeDraw, StrokeMotion};
+pub use tiles::{RunProgress, SplatTiles, tiles_blend, tiles_count, tiles_scan, tiles_scatter, tiles_total};
 
 /// Invocations in a workgroup of every kernel of the pass.
 pub const WORKGROUP: u32 = 256;
@@ -94,8 +96,6 @@ const CHUNK: &str = include_str!("../wgsl/splat_chunk.wgsl");
 const FOOTPRINT: &str = include_str!("../wgsl/splat_footprint.wgsl");
 const ONE_EYE: &str = include_str!("../wgsl/splat_one_eye.wgsl");
 const QUADS: &str = include_str!("../wgsl/splat_quads.wgsl");
-const ROWS: &str = include_str!("../wgsl/splat_tiles_rows.wgsl");
-const TILES: &str = include_str!("../wgsl/splat_tiles.wgsl");
 const SCAN: &str = include_str!("../wgsl/splat_scan.wgsl");
 const SORT: &str = include_str!("../wgsl/splat_sort.wgsl");
 
@@ -208,41 +208,6 @@ pub fn sort_counts() -> Source {
 /// Draws the sorted splats.
 pub fn draw() -> Source {
     source("splat_draw", &[RECORDS, QUADS, include_str!("../wgsl/splat_draw.wgsl")])
-}
-
-/// Counts the splats of each tile.
-pub fn tiles_count() -> Source {
-    source("splat_tiles_count", &[RECORDS, TILES, include_str!("../wgsl/splat_tiles_count.wgsl")])
-}
-
-/// Turns counts into positions in the lists of tiles.
-pub fn tiles_scan() -> Source {
-    source("splat_tiles_scan", &[RECORDS, TILES, include_str!("../wgsl/splat_tiles_scan.wgsl")])
-}
-
-/// Finds where segments begin, and whether the lists fit.
-pub fn tiles_total() -> Source {
-    source("splat_tiles_total", &[RECORDS, TILES, include_str!("../wgsl/splat_tiles_total.wgsl")])
-}
-
-/// Writes the lists of tiles.
-pub fn tiles_scatter() -> Source {
-    source("splat_tiles_scatter", &[RECORDS, TILES, include_str!("../wgsl/splat_tiles_scatter.wgsl")])
-}
-
-/// Blends the lists of tiles, with or without a depth texture.
-pub fn tiles_blend(tested: bool) -> Source {
-    blend(tested, &[include_str!("../wgsl/splat_tiles_unpainted.wgsl")])
-}
-
-/// The blend with or without a depth texture. `colors` says how splats are colored.
-fn blend(tested: bool, colors: &[&str]) -> Source {
-    let depth = match tested {
-        false => include_str!("../wgsl/splat_tiles_untested.wgsl"),
-        true => include_str!("../wgsl/splat_tiles_tested.wgsl"),
-    };
-    let kernel = include_str!("../wgsl/splat_tiles_blend.wgsl");
-    source("splat_tiles_blend", &[&[RECORDS, TILES, depth, ROWS], colors, &[kernel]].concat())
 }
 
 /// Undoes a tone mapping, once for all colors.
@@ -489,28 +454,4 @@ pub struct SplatCommands {
 pub struct SplatDraw {
     /// Left, top, width and height of the viewport, in pixels of the target.
     pub viewport: [f32; 4],
-}
-
-/// The tiles of a view.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct SplatTiles {
-    /// Left, top, width and height of the viewport, in pixels of the target.
-    pub viewport: [f32; 4],
-    /// Columns and rows of tiles.
-    pub n_tiles: [u32; 2],
-    /// Entries that all lists together have room for.
-    pub capacity: u32,
-    /// Unused.
-    pub padding: u32,
-}
-
-/// Progress of a run, which may take several dispatches.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct RunProgress {
-    /// Splats that are finished.
-    pub n_splats: u32,
-    /// Finished tiles of the next splat.
-    pub n_tiles: u32,
 }

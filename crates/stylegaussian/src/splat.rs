@@ -14,8 +14,8 @@
 //!
 //! The stages, one module each: `project` (cull, project, sort by depth), `bands` (list the splats of each
 //! tile), `composite` (blend one tile), `weights` (keep the blend weights in place of a picture). `iso` finds
-//! how far away the surface is, `cast` what casts shadows, and `half` draws at half the width and height. `alpha`
-//! holds the limits that they share, and `bounds` the box around all that is drawn.
+//! how far away the surface is, `cast` what casts shadows, and `half` draws at half the width and height.
+//! `alpha` holds the limits that they share, and `bounds` the box around all that is drawn.
 
 mod alpha;
 mod bands;

@@ -2,7 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{QUADS, RECORDS, ROWS, TILES, source};
+use super::{
+    QUADS, RECORDS, source,
+    tiles::{ROWS, TILES},
+};
 use crate::{Source, constants};
 
 /// Slices that quads are drawn in. On the demo scene, twice as many bring the mean error from 0.26% of the

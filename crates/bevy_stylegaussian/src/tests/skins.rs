@@ -138,12 +138,13 @@ fn strokes_stay_on_a_skin_that_bends() {
     *app.world_mut().get_mut::<Transform>(joints[1]).unwrap() = Transform::from_rotation(turn);
     let bent = shoot(&mut app, &image);
 
-    // Pixels of either half, a little within its edges.
+    // Pixels of either half, a little within its edges. The turned half lies over the other one up to 0.5.
     let of_half = |sign: f32| {
         let coordinate = |i: usize| UNITS * ((i as f32 + 0.5) / SIDE as f32 - 0.5);
         let all = (0..SIDE * SIDE).map(|i| (i % SIDE, i / SIDE));
+        let columns = if sign > 0.0 { 0.3..0.95 } else { 0.55..0.95 };
         all.filter(move |&(column, row)| {
-            (0.3..0.95).contains(&(sign * coordinate(column))) && coordinate(row).abs() < 0.45
+            columns.contains(&(sign * coordinate(column))) && coordinate(row).abs() < 0.45
         })
     };
     let pixel = |picture: &[[f32; 3]], column: usize, row: usize| luminance(picture[row * SIDE + column]);

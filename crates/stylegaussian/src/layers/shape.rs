@@ -62,8 +62,13 @@ pub enum Shape {
 impl Shape {
     /// The distance of a point from the surface, negative within the shape. Exact for boxes, cylinders,
     /// capsules, rings and spheres; near the surface of an ellipsoid correct to first order. For noise it is
-    /// the difference from the level times the size. Shapes of no size hold no point.
+    /// the difference from the level times the size. Shapes of no size hold no point. NaN if a size or the point
+    /// is none, except of [`Everything`](Self::Everything).
     pub fn distance(&self, point: Vec3) -> f32 {
+        // Not left to the arithmetic below: the larger one of a number and NaN is the number.
+        if self != &Self::Everything && (point.is_nan() || self.has_nan()) {
+            return f32::NAN;
+        }
         // The distance from the axis, and the place along it.
         let radial = Vec2::new(point.x, point.z).length();
         match *self {
@@ -88,6 +93,19 @@ impl Shape {
                 Vec2::new(radial - major_radius, point.y).length() - minor_radius
             }
             Self::Noise { size, level } => size * (lattice_noise(point / size) - level),
+        }
+    }
+
+    /// Whether one of its sizes is no number.
+    fn has_nan(&self) -> bool {
+        match *self {
+            Self::Everything | Self::HalfSpace => false,
+            Self::Ellipsoid { radii: sizes } | Self::Cuboid { half_size: sizes } => sizes.is_nan(),
+            Self::Cylinder { radius: a, half_height: b }
+            | Self::Capsule { radius: a, half_length: b }
+            | Self::Cone { radius: a, height: b }
+            | Self::Torus { major_radius: a, minor_radius: b }
+            | Self::Noise { size: a, level: b } => a.is_nan() || b.is_nan(),
         }
     }
 

@@ -78,6 +78,19 @@ fn edges_are_soft_within_their_width() {
     assert_eq!(Region::EVERYWHERE.weight(Vec3::splat(1e30)), 1.0);
 }
 
+/// A shape whose size is no number holds nothing, nor do its edges.
+#[test]
+fn shapes_without_a_size_that_is_a_number_hold_nothing() {
+    let cylinder = Shape::Cylinder { radius: f32::NAN, half_height: 1.0 };
+    let capsule = Shape::Capsule { radius: 1.0, half_length: f32::NAN };
+    for shape in [Shape::Cuboid { half_size: Vec3::new(1.0, f32::NAN, 1.0) }, cylinder, capsule] {
+        let region = Region { shape, softness: 0.8, ..Region::EVERYWHERE };
+        assert_eq!(region.weight(Vec3::splat(0.1)), 0.0, "{shape:?}");
+    }
+    let cube = Region { shape: Shape::Cuboid { half_size: Vec3::ONE }, softness: 0.8, ..Region::EVERYWHERE };
+    assert_eq!(cube.weight(Vec3::new(0.0, f32::NAN, 0.0)), 0.0);
+}
+
 /// Volumes of no size, of infinite size, and of NaN are outside or inside, and never NaN.
 #[test]
 fn degenerate_regions_have_weights() {
