@@ -56,6 +56,7 @@ mod pins;
 mod place;
 mod ply;
 pub mod pytorch;
+mod rows;
 mod scenes;
 mod sgs;
 mod slices;

@@ -12,7 +12,7 @@ use ply_rs::ply::Encoding;
 use super::{
     error::{Loaded, Mismatch},
     format::Format,
-    slices,
+    rows,
 };
 
 mod color;
@@ -55,7 +55,7 @@ pub(super) fn read(bytes: Vec<u8>) -> Result<Loaded, Mismatch> {
 
 /// The rows of a file that begins with `head`, or `None` if they have no common size: ascii, lists, several
 /// elements.
-pub(super) fn rows(head: &[u8]) -> Option<slices::Header> {
+pub(super) fn rows(head: &[u8]) -> Option<rows::Header> {
     let end = head.windows(END.len()).position(|window| window == END)?;
     let size = end + END.len() + head[end + END.len()..].iter().position(|&byte| byte == b'\n')? + 1;
     let text = std::str::from_utf8(&head[..size]).ok()?;
@@ -67,7 +67,7 @@ pub(super) fn rows(head: &[u8]) -> Option<slices::Header> {
     let mut elements = header.elements();
     let (vertex, is_alone) = (elements.next()?, elements.next().is_none());
     let is_binary = header.encoding() != Encoding::Ascii;
-    Some(slices::Header {
+    Some(rows::Header {
         before: before.into(),
         after: after.into(),
         count: Some(text[line..line + digits].parse().ok()?),

@@ -12,6 +12,7 @@ use super::{
     format::ReadOptions,
     formats::format_of,
     ply,
+    rows::Header,
     scenes::{extension, read_scene_with},
     splat,
 };
@@ -42,29 +43,6 @@ struct Rows {
     left: u64,
     /// Most rows of a slice.
     most: u64,
-}
-
-/// What comes before the rows: the text before their number, and that after it. Empty in a `.splat`.
-#[derive(Debug, Default)]
-pub(super) struct Header {
-    pub(super) before: Vec<u8>,
-    pub(super) after: Vec<u8>,
-    /// The number of rows, or `None` if the file has none before them.
-    pub(super) count: Option<u64>,
-    /// The size of a row, in bytes.
-    pub(super) row: u64,
-    /// The size of the header, in bytes.
-    pub(super) size: u64,
-}
-
-impl Header {
-    /// The header of a file with this many rows.
-    fn of(&self, count: u64) -> Vec<u8> {
-        match self.count {
-            Some(_) => [&self.before[..], count.to_string().as_bytes(), &self.after[..]].concat(),
-            None => Vec::new(),
-        }
-    }
 }
 
 impl Slices {

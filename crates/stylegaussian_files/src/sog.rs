@@ -33,7 +33,7 @@ mod write;
 
 use chunk::{Chunk, Gaussians};
 use meta::Meta;
-pub(super) use write::write_folder;
+pub(super) use write::files as chunk_files;
 
 /// The name of the metadata in a folder or an archive.
 pub(super) const META: &str = "meta.json";

@@ -23,7 +23,7 @@ use stylegaussian::{
 
 use crate::{
     error::{FileError, Loaded, mismatch},
-    world::{FILE, LeveledNode, MAX_LEVELS, World, WorldWriter},
+    world::{FILE, MAX_LEVELS, World},
 };
 
 mod block;
@@ -32,6 +32,9 @@ mod plan;
 mod records;
 #[cfg(test)]
 mod tests;
+mod writer;
+
+pub use writer::{LeveledNode, WorldWriter};
 
 use plan::Plan;
 

@@ -40,10 +40,6 @@ use crate::{
 #[cfg(test)]
 mod tests;
 mod write;
-mod writer;
-
-pub(crate) use writer::expect_empty;
-pub use writer::{LeveledNode, WorldWriter};
 
 /// The name of the file in a world's folder.
 pub const FILE: &str = "lod-meta.json";

@@ -11,8 +11,7 @@ use glam::{Affine3A, Quat, UVec2, Vec3, Vec3A};
 use stylegaussian::{Scene, random::Random, work::Work};
 use stylegaussian_files::{
     read_scene,
-    tile::{TileOptions, nodes},
-    world::{LeveledNode, WorldWriter},
+    tile::{LeveledNode, TileOptions, WorldWriter, nodes},
 };
 
 /// Makes a world of about N Gaussians at its finest level: copies of a scene on hills, in chunks that are

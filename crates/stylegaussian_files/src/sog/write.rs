@@ -1,6 +1,6 @@
-//! Writing version 2: planes and `meta.json`, in a zip archive or in a folder.
+//! Writing version 2: planes and `meta.json`.
 
-use std::{fs, io::Write, path::Path};
+use std::io::Write;
 
 use glam::Quat;
 use image_webp::{ColorType, WebPEncoder};
@@ -14,9 +14,8 @@ use stylegaussian::{
 use super::{META, chunk::FIRST_TAG, plane::MAX_SIDE};
 use crate::{
     archive::write_stored,
-    atomic::write_atomically,
     distant,
-    error::{FileError, Mismatch, mismatch},
+    error::{Mismatch, mismatch},
     format::{Unwritten, WriteOptions},
 };
 
@@ -43,23 +42,11 @@ pub(super) fn write(
     Ok(distant::left_out(scene).into_iter().collect())
 }
 
-/// As [`write`], into a folder, which is made. The metadata comes last, so a folder that has it is complete.
-/// The scene was checked and holds a Gaussian.
+/// The files of a scene and their names, the metadata first. The scene was checked and holds a Gaussian.
 ///
 /// # Errors
-/// If there are more Gaussians than a plane has texels, or the operating system refuses.
-pub(crate) fn write_folder(folder: &Path, scene: &Scene) -> Result<(), FileError> {
-    fs::create_dir_all(folder).map_err(|source| FileError::Io { path: folder.into(), source })?;
-    let files = files(scene).map_err(|mismatch| mismatch.at(folder))?;
-    // The metadata is the first.
-    for (name, bytes) in files.iter().rev() {
-        write_atomically(&folder.join(name), |out| out.write_all(bytes))?;
-    }
-    Ok(())
-}
-
-/// The files of a scene and their names, the metadata first.
-fn files(scene: &Scene) -> Result<Vec<(&'static str, Vec<u8>)>, Mismatch> {
+/// If there are more Gaussians than a plane has texels.
+pub(crate) fn files(scene: &Scene) -> Result<Vec<(&'static str, Vec<u8>)>, Mismatch> {
     let rows: Vec<usize> = scene.by_source().into_iter().map(|i| i as usize).collect();
     let n = rows.len();
     let width = ((n as f64).sqrt().ceil() as usize).next_multiple_of(BLOCK);

@@ -13,12 +13,12 @@ use super::{
     TileError, TileOptions, nodes,
     plan::{Plan, block_file},
     records::{self, Record, records as records_of},
+    writer::LeveledNode,
 };
 use crate::{
     atomic::write_atomically,
     error::{FileError, mismatch},
     json,
-    world::LeveledNode,
 };
 
 /// The nodes of a leveled block. The file is written when all Gaussians are, and says that the block is done.

@@ -18,13 +18,14 @@ use stylegaussian::{
 use super::{
     PARTIAL, TileError, TileOptions, is_complete,
     records::{Record, mean, records},
+    writer::expect_empty,
 };
 use crate::{
     atomic::write_atomically,
     distant,
     error::{FileError, Loaded, mismatch},
     json,
-    world::{FILE, expect_empty},
+    world::FILE,
 };
 
 /// The name of the plan. It is written when all blocks are there.

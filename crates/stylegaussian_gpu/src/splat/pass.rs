@@ -25,10 +25,10 @@ use super::{
 };
 use crate::{device::is_software, strokes::StrokeStore};
 
-mod cast;
+mod casters;
 mod depth;
 mod eyes;
-mod half;
+mod halves;
 
 /// The pipelines of the splat pass. One pass serves any number of views.
 #[derive(Debug)]

@@ -12,12 +12,12 @@ use stylegaussian::{
     sh,
 };
 
-use super::{FILE, Node, Run, World};
 use crate::{
     atomic::write_atomically,
     check::check_scene,
     error::{FileError, mismatch},
-    sog::{META, write_folder},
+    sog::{META, chunk_files},
+    world::{FILE, Node, Run, World},
 };
 
 /// A node that is to be written: its Gaussians at each level.
@@ -125,7 +125,13 @@ impl WorldWriter {
             return Ok(());
         }
         check_scene(&chunk.scene).map_err(|mismatch| mismatch.at(&folder))?;
-        write_folder(&folder, &chunk.scene)
+        let files = chunk_files(&chunk.scene).map_err(|mismatch| mismatch.at(&folder))?;
+        fs::create_dir_all(&folder).map_err(|source| FileError::Io { path: folder.clone(), source })?;
+        // The metadata is the first, and is written last: a folder that has it is complete.
+        for (name, bytes) in files.iter().rev() {
+            write_atomically(&folder.join(name), |out| out.write_all(bytes))?;
+        }
+        Ok(())
     }
 
     /// Writes the last chunks and `lod-meta.json`.
