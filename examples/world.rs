@@ -31,19 +31,20 @@ const N_LEVELS: usize = 3;
 /// Cells of the demo scene.
 const N_CELLS: usize = 16;
 
-/// The manifest that is shown, and its temporary folder if it was made here.
+/// The manifest that is shown.
 #[derive(Resource)]
-struct Shown(PathBuf, Option<tempfile::TempDir>);
+struct Shown(PathBuf);
 
 fn main() -> anyhow::Result<AppExit> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let (shown, usual) = match arguments.first() {
-        Some(folder) => (Shown(fs::canonicalize(folder)?.join(FILE), None), GaussianBudget::default()),
+    // A folder that was made here goes with the app.
+    let (shown, usual, _made) = match arguments.first() {
+        Some(folder) => (Shown(fs::canonicalize(folder)?.join(FILE)), GaussianBudget::default(), None),
         None => {
             let folder = tempfile::tempdir()?;
             write_levels(folder.path())?;
             let budget = GaussianBudget { gaussians: 30_000, ..default() };
-            (Shown(folder.path().join(FILE), Some(folder)), budget)
+            (Shown(folder.path().join(FILE)), budget, Some(folder))
         }
     };
     let gaussians = arguments.get(1).map_or(Ok(usual.gaussians), |text| text.parse())?;

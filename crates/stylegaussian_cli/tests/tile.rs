@@ -4,6 +4,7 @@ use std::fs;
 
 use stylegaussian_files::{read_scene, world::World};
 
+#[expect(dead_code, reason = "written for the tests of the command line, of which these use a part")]
 mod support;
 
 use support::{Bench, stylegaussian};

@@ -69,7 +69,8 @@ impl StrokeFactors {
             stroke_scale: within(self.stroke_scale, 0.1),
             relief: within(self.relief, 0.0),
             // The larger one of NaN and 0 is 0.
-            added_relief: self.added_relief.max(0.0).min(4.0),
+            // Also of a number that is none.
+            added_relief: if self.added_relief > 0.0 { self.added_relief.min(4.0) } else { 0.0 },
             direction: self.direction.and_then(Vec3::try_normalize),
             curve: self.curve,
             motion: self.motion,

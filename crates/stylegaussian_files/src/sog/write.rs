@@ -68,7 +68,7 @@ pub(crate) fn files(scene: &Scene) -> Result<Vec<(&'static str, Vec<u8>)>, Misma
         [x, y, z, 255]
     };
     let with = |[r, g, b]: [u8; 3], alpha: u8| [r, g, b, alpha];
-    let texels: [(&str, &(dyn Fn(usize) -> [u8; 4] + Sync)); 5] = [
+    let texels: [(&str, &Texel); 5] = [
         ("means_l.webp", &|i| byte(i, 0)),
         ("means_u.webp", &|i| byte(i, 8)),
         ("quats.webp", &|i| quaternion(scene.rotations[rows[i]])),
@@ -121,8 +121,11 @@ fn dc(scene: &Scene, i: usize) -> [f32; 3] {
     [0, 1, 2].map(|channel| captured.coefficients[at + channel])
 }
 
+/// A plane's texel by the number of its Gaussian.
+type Texel<'a> = dyn Fn(usize) -> [u8; 4] + Sync + 'a;
+
 /// A lossless image of `n` texels.
-fn plane(n: usize, width: usize, texel: &(dyn Fn(usize) -> [u8; 4] + Sync)) -> Result<Vec<u8>, Mismatch> {
+fn plane(n: usize, width: usize, texel: &Texel) -> Result<Vec<u8>, Mismatch> {
     let height = n.div_ceil(width);
     let of = |i: usize| if i < n { texel(i) } else { [0; 4] };
     let texels: Vec<[u8; 4]> = (0..width * height).into_par_iter().map(of).collect();
