@@ -62,8 +62,8 @@ pub enum Shape {
 impl Shape {
     /// The distance of a point from the surface, negative within the shape. Exact for boxes, cylinders,
     /// capsules, rings and spheres; near the surface of an ellipsoid correct to first order. For noise it is
-    /// the difference from the level times the size. Shapes of no size hold no point. NaN if a size or the point
-    /// is none, except of [`Everything`](Self::Everything).
+    /// the difference from the level times the size. Shapes of no size hold no point. NaN if a size or the
+    /// point is none, except of [`Everything`](Self::Everything).
     pub fn distance(&self, point: Vec3) -> f32 {
         // Not left to the arithmetic below: the larger one of a number and NaN is the number.
         if self != &Self::Everything && (point.is_nan() || self.has_nan()) {
