@@ -31,20 +31,24 @@ const N_LEVELS: usize = 3;
 /// Cells of the demo scene.
 const N_CELLS: usize = 16;
 
-/// The manifest that is shown.
+/// The manifest that is shown, and how it is turned.
 #[derive(Resource)]
-struct Shown(PathBuf);
+struct Shown(PathBuf, Quat);
 
 fn main() -> anyhow::Result<AppExit> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     // A folder that was made here goes with the app.
     let (shown, usual, _made) = match arguments.first() {
-        Some(folder) => (Shown(fs::canonicalize(folder)?.join(FILE)), GaussianBudget::default(), None),
+        Some(folder) => {
+            // Captures have y down.
+            let turn = Quat::from_rotation_x(std::f32::consts::PI);
+            (Shown(fs::canonicalize(folder)?.join(FILE), turn), GaussianBudget::default(), None)
+        }
         None => {
             let folder = tempfile::tempdir()?;
             write_levels(folder.path())?;
             let budget = GaussianBudget { gaussians: 30_000, ..default() };
-            (Shown(folder.path().join(FILE)), budget, Some(folder))
+            (Shown(folder.path().join(FILE), Quat::IDENTITY), budget, Some(folder))
         }
     };
     let gaussians = arguments.get(1).map_or(Ok(usual.gaussians), |text| text.parse())?;
@@ -68,8 +72,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>, shown: Res<Shown>) {
     commands.spawn((Camera3d::default(), Tonemapping::None, Msaa::Off));
     commands.spawn((
         GaussianWorld(assets.load(shown.0.clone())),
-        // Captures have y down.
-        Transform::from_rotation(Quat::from_rotation_x(std::f32::consts::PI)),
+        Transform::from_rotation(shown.1),
         StyleSource::none(),
     ));
 }
@@ -85,7 +88,7 @@ fn fly(
     let Some([min, max]) = manifests.get(&world.0).and_then(WorldManifest::bounds) else { return };
     let (center, size) = (place.transform_point(0.5 * (min + max)), (max - min).length());
     let seconds = time.elapsed_secs();
-    let distance = size * (0.35 + 0.15 * (0.4 * seconds).sin());
+    let distance = size * (0.75 + 0.25 * (0.4 * seconds).sin());
     let around = Quat::from_rotation_y(0.2 * seconds) * Vec3::new(0.0, 0.3, 1.0);
     **camera = Transform::from_translation(center + distance * around).looking_at(center, Vec3::Y);
 }

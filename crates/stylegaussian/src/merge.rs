@@ -5,19 +5,25 @@
 //! of its alpha over the picture. The mean of d . cof(S) d over all d is a third of the trace of cof(S), so up
 //! to a factor that all have in common, the light is
 //!
-//!     w = o A          A^2 = (a^2 b^2 + b^2 c^2 + c^2 a^2) / 3
+//! ```text
+//! w = o A          A^2 = (a^2 b^2 + b^2 c^2 + c^2 a^2) / 3
+//! ```
 //!
 //! A group is replaced by the Gaussian with the mean and the covariance of the mixture, weighted by light, and
 //! with its light while that needs no opacity above 1:
 //!
-//!     W = sum w_i          m = sum w_i m_i / W          S = sum w_i (S_i + (m_i - m) (m_i - m)^T) / W
-//!     o = min(1, W / A)
+//! ```text
+//! W = sum w_i          m = sum w_i m_i / W          S = sum w_i (S_i + (m_i - m) (m_i - m)^T) / W
+//! o = min(1, W / A)
+//! ```
 //!
 //! Spherical harmonics, features, extra inputs and masks are means by the same weights.
 //!
 //! Groups grow by pairs, in rounds. A pair costs what its means, covariances and colors differ by:
 //!
-//!     w_1 w_2 / (w_1 + w_2) (|m_1 - m_2|^2 + |S_1 - S_2| + 2 tr(S) |c_1 - c_2|^2)
+//! ```text
+//! w_1 w_2 / (w_1 + w_2) (|m_1 - m_2|^2 + |S_1 - S_2| + 2 tr(S) |c_1 - c_2|^2)
+//! ```
 //!
 //! The first term is the growth of the squared distances to the mean (Ward, "Hierarchical grouping to optimize
 //! an objective function", 1963). The others are in the same unit: the norm of a matrix of squared lengths, and
