@@ -68,7 +68,7 @@ pub(crate) enum Lane {
 #[derive(Resource, Clone, Default)]
 pub(crate) struct Workers(Arc<Lanes>);
 
-/// What a lane does.
+/// A computation of a lane.
 type Job = Box<dyn FnOnce() + Send>;
 
 /// A computation that was started. Dropping it cancels the computation.

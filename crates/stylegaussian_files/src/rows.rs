@@ -1,6 +1,6 @@
 //! Files of rows of one size, which may be read in parts.
 
-/// What comes before the rows: the text before their number, and that after it. Empty in a `.splat`.
+/// Text before the rows: that before their number, and that after it. Empty in a `.splat`.
 #[derive(Debug, Default)]
 pub(super) struct Header {
     pub(super) before: Vec<u8>,

@@ -3,7 +3,7 @@
 use bevy::{prelude::*, render::extract_component::ExtractComponent};
 use stylegaussian_gpu::splat;
 
-/// What a camera leaves out, so that a weak GPU has less to draw. Without this component, and by default, all
+/// Splats that a camera leaves out, so that a weak GPU draws less. Without this component, and by default, all
 /// splats are drawn at the target's size. A component of the camera.
 #[derive(Component, ExtractComponent, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[extract_component_filter(With<Camera3d>)]

@@ -35,7 +35,7 @@ pub(super) struct SplatPipelines {
     /// The draw of strokes, which is a part of the passes and of the draw.
     strokes: Option<Background<()>>,
     composites: HashMap<CompositeTarget, Background<CompositePipeline>>,
-    /// What comes before tonemappings that make no number of black, by the format of the target.
+    /// Draws before tonemappings that make no number of black, by the format of the target.
     lifts: HashMap<TextureFormat, Background<LiftPipeline>>,
     tables: HashMap<Tonemapping, Background<InverseTable>>,
 }

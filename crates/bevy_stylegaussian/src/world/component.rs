@@ -38,7 +38,7 @@ use super::{asset::WorldManifest, tree::Tree};
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct GaussianWorld(pub Handle<WorldManifest>);
 
-/// What is there of a [`GaussianWorld`], as of the last frame. For reading.
+/// Counts of a [`GaussianWorld`], as of the last frame. For reading.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct WorldState {

@@ -32,7 +32,7 @@ pub(super) enum Reference {
 /// The scene in a style.
 pub(super) struct Painted {
     pub(super) style: Arc<SharedStyle>,
-    /// What others need to know of it, or `None` if it is not painted.
+    /// Facts for scenes beside it, or `None` if it is not painted.
     pub(super) beside: Option<Arc<Beside>>,
 }
 

@@ -66,7 +66,7 @@ type StreamedWorld = (
 /// A run's entity.
 type RunState = (&'static Run, Option<&'static LoadedScene>, StyleState);
 
-/// What runs are made with.
+/// Parameters of the system that makes runs.
 #[derive(SystemParam)]
 pub(super) struct Means<'w, 's> {
     commands: Commands<'w, 's>,
@@ -77,7 +77,7 @@ pub(super) struct Means<'w, 's> {
     failures: WorldFailures<'w, 's>,
 }
 
-/// What is left of the budget in this frame.
+/// The rest of the budget in this frame.
 struct Left {
     /// Gaussians that may be shown.
     shown: usize,
@@ -311,7 +311,7 @@ impl Means<'_, '_> {
         }
     }
 
-    /// What is there of a world.
+    /// Counts a world.
     fn state(&self, tree: &Tree, styling: Styling) -> WorldState {
         let count = |of: &dyn Fn(&Node) -> bool| tree.nodes.iter().filter(|node| of(node)).count();
         let styled = |shown: Shown| match self.runs.get(shown.entity) {

@@ -1,4 +1,4 @@
-//! What runs have of their world: its style, and the other components that hold for all of it.
+//! Components that runs get from their world: its style, and those that hold for all of it.
 
 use std::sync::Arc;
 

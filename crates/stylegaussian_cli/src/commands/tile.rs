@@ -121,7 +121,7 @@ fn slices(path: &Path, options: ReadOptions) -> Box<dyn Iterator<Item = Result<L
     }
 }
 
-/// What tells calls with other scenes apart: their places, sizes and times of change, and how they are read.
+/// Tells calls with other scenes apart: by their places, sizes and times of change, and how they are read.
 fn key(scenes: &[PathBuf], reading: ReadOptions) -> Result<String> {
     let mut key = format!("{reading:?}");
     for path in scenes {

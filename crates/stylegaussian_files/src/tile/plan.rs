@@ -51,7 +51,7 @@ const AT_A_TIME: usize = 1 << 16;
 /// Records that wait for their files, in all blocks together: 64 MB.
 const WAITING: usize = 1 << 20;
 
-/// What was sorted.
+/// Blocks into which Gaussians were sorted.
 #[derive(Debug, Deserialize, Serialize)]
 pub(super) struct Plan {
     /// The caller's key and the options.

@@ -15,7 +15,7 @@ use super::worker::Ground;
 pub(crate) struct Beside {
     pub(super) surface: Arc<Ground>,
     pub(super) strokes: Arc<Strokes>,
-    /// What it tells those beside it, once the first of them has asked. `None` if it tells nothing.
+    /// Facts for those beside it, once the first of them has asked. `None` if there are none.
     company: OnceLock<Option<Company>>,
 }
 
@@ -28,7 +28,7 @@ impl Beside {
         Self { surface, strokes, company: OnceLock::new() }
     }
 
-    /// What it tells those beside it, which have these paintings and this hand. `None` if it tells nothing.
+    /// Facts for those beside it, which have these paintings and this hand. `None` if there are none.
     ///
     /// # Errors
     /// If `work` is canceled.

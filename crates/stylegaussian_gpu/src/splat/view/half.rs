@@ -1,4 +1,4 @@
-//! What a view keeps if it is drawn at half its width and height.
+//! State of a view that is drawn at half its width and height.
 
 use glam::UVec4;
 

@@ -92,7 +92,7 @@ impl StyleRequest {
                 if self.only_moves() {
                     laying.hand.pins = &[];
                 }
-                let painted = self.painted(wanted, &Call::Lay(laying)).await?;
+                let painted = self.painted_apart(wanted, &Call::Lay(laying)).await?;
                 let looks = self.looks.iter().map(WeightedLook::as_part).collect();
                 let weight = numbers.iter().map(|(_, weight)| weight).sum();
                 let styles = restyle::Styles::Laid { painted, weight };
@@ -116,7 +116,7 @@ impl StyleRequest {
     }
 
     /// The answer to a call that lays on paint.
-    async fn painted(&self, wanted: &Wanted<'_>, call: &Call<'_>) -> Result<Painted, Fail> {
+    async fn painted_apart(&self, wanted: &Wanted<'_>, call: &Call<'_>) -> Result<Painted, Fail> {
         let answer = browser::call(&call.pieces(), wanted.work, false).await?;
         let painted = Painted::from_bytes(&answer).map_err(said)?;
         let (found, expected) = (painted.colors.len(), self.scene.0.len());
