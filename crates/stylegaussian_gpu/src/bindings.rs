@@ -20,6 +20,29 @@ pub(crate) fn uniform_binding<T>() -> wgpu::BindingType {
     }
 }
 
+/// The binding of a uniform buffer of several `T`s, of which a dynamic offset selects one: see [`one_of`].
+pub(crate) fn uniforms_binding<T>() -> wgpu::BindingType {
+    wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Uniform,
+        has_dynamic_offset: true,
+        min_binding_size: wgpu::BufferSize::new(size_of::<T>() as u64),
+    }
+}
+
+/// The `T` of a buffer that a dynamic offset selects.
+pub(crate) fn one_of<T>(buffer: &wgpu::Buffer) -> wgpu::BindingResource<'_> {
+    let size = wgpu::BufferSize::new(size_of::<T>() as u64);
+    wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })
+}
+
+/// The binding of a texture with one sample per texel.
+pub(crate) fn texture_binding(
+    sample_type: wgpu::TextureSampleType,
+    view_dimension: wgpu::TextureViewDimension,
+) -> wgpu::BindingType {
+    wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false }
+}
+
 /// The layout of a group with bindings 0, 1, ...
 pub(crate) fn group_layout(
     device: &wgpu::Device,
@@ -87,6 +110,11 @@ pub(crate) fn compute_pipeline(
         compilation_options,
         cache: None,
     })
+}
+
+/// A pass of kernels, without a measurement of its time.
+pub(crate) fn compute_pass(encoder: &mut wgpu::CommandEncoder, label: &'static str) -> wgpu::ComputePass<'_> {
+    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes: None })
 }
 
 /// A kernel that binds one group of resources.

@@ -13,7 +13,10 @@ use stylegaussian_shaders::{
 };
 
 use crate::{
-    bindings::{bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding},
+    bindings::{
+        bind_group, compute_pass, compute_pipeline, group_layout, one_of, pipeline_layout, storage_binding,
+        uniforms_binding,
+    },
     buffers,
     colors::GaussianColors,
     splat::GpuScene,
@@ -67,11 +70,7 @@ impl LayerMixer {
         let (label, compute) = ("mix_layers", wgpu::ShaderStages::COMPUTE);
         let read = storage_binding(true);
         // All dispatches of a mix share a buffer, each at an offset of its own: one write costs less than many.
-        let uniforms = wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Uniform,
-            has_dynamic_offset: true,
-            min_binding_size: wgpu::BufferSize::new(size_of::<MixStack>() as u64),
-        };
+        let uniforms = uniforms_binding::<MixStack>();
         let bindings = [uniforms, storage_binding(false), read, read, read, read, read, read, read];
         let layout = group_layout(device, label, compute, &bindings);
         let pipeline_layout = pipeline_layout(device, label, &[&layout]);
@@ -156,21 +155,14 @@ impl LayerMixer {
         let mut pool = self.pool.lock().unwrap_or_else(PoisonError::into_inner);
         let [uniforms, blocks] =
             pool.next(device, queue, [&at_offsets(&stacks), bytemuck::cast_slice(&blocks)]);
-        let uniforms = uniforms.as_entire_buffer_binding();
-        let uniforms =
-            wgpu::BufferBinding { size: wgpu::BufferSize::new(size_of::<MixStack>() as u64), ..uniforms };
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("mix_layers"),
-            ..Default::default()
-        });
+        let mut pass = compute_pass(encoder, "mix_layers");
         for (i, (dispatch, stack)) in dispatches.iter().zip(&stacks).enumerate() {
             let gaussians = &scene.chunks()[dispatch.chunk].gaussians;
             let masks = stack.mask.map_or(&self.absent, |mask| &mask.buffer);
             let look = |i: usize| stack.looks.get(i).copied().unwrap_or(&self.absent);
             let buffers = [target, gaussians, masks, &blocks, look(0), look(1), look(2), look(3)];
-            let uniforms = wgpu::BindingResource::Buffer(uniforms.clone());
-            let resources: Vec<_> =
-                std::iter::once(uniforms).chain(buffers.map(wgpu::Buffer::as_entire_binding)).collect();
+            let uniforms = std::iter::once(one_of::<MixStack>(&uniforms));
+            let resources: Vec<_> = uniforms.chain(buffers.map(wgpu::Buffer::as_entire_binding)).collect();
             let has_noise = stack.uniforms.layers.iter().any(|layer| layer.shape == shaders::SHAPE_NOISE);
             pass.set_pipeline(&pipelines[usize::from(has_noise)]);
             let group = bind_group(device, "mix_layers", &self.layout, &resources);

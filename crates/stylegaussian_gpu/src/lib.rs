@@ -33,6 +33,7 @@ mod bindings;
 pub mod buffers;
 pub mod colors;
 pub mod device;
+mod drawing;
 pub mod layers;
 pub mod mask;
 pub mod needs;

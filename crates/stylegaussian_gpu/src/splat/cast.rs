@@ -21,8 +21,11 @@ use super::{
     settings::{SplatCuts, SplatSettings},
 };
 use crate::{
-    bindings::{bind_group, group_layout, pipeline_layout, shader_module, storage_binding},
+    bindings::{
+        bind_group, group_layout, one_of, pipeline_layout, shader_module, storage_binding, uniforms_binding,
+    },
     buffers,
+    drawing::{Drawing, depth_state, set_viewport},
 };
 
 #[cfg(test)]
@@ -89,11 +92,7 @@ impl CastView {
 
 impl Cast {
     pub(super) fn new(device: &wgpu::Device) -> Self {
-        let uniforms = wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Uniform,
-            has_dynamic_offset: true,
-            min_binding_size: wgpu::BufferSize::new(size_of::<SplatChunk>() as u64),
-        };
+        let uniforms = uniforms_binding::<SplatChunk>();
         let map_layout = group_layout(device, "splat_cast", wgpu::ShaderStages::VERTEX, &[uniforms]);
         Self { map_layout, variants: Default::default() }
     }
@@ -154,13 +153,8 @@ impl Cast {
         let size = bytes.len() as u64;
         if size > 0 && view.uniforms.as_ref().is_none_or(|(buffer, _)| buffer.size() < size) {
             let buffer = buffers::uniforms(device, "splat_cast", size);
-            // One chunk; a dynamic offset selects which.
-            let one_chunk = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                buffer: &buffer,
-                offset: 0,
-                size: wgpu::BufferSize::new(size_of::<SplatChunk>() as u64),
-            });
-            let group = bind_group(device, "splat_cast", &self.map_layout, &[one_chunk]);
+            let resources = [one_of::<SplatChunk>(&buffer)];
+            let group = bind_group(device, "splat_cast", &self.map_layout, &resources);
             view.uniforms = Some((buffer, group));
             view.written.clear();
         }
@@ -188,8 +182,7 @@ impl Cast {
     /// Draws the chunks that were written.
     pub(super) fn encode(&self, pass: &mut wgpu::RenderPass, view: &CastView) {
         let Some((_, uniforms)) = view.uniforms.as_ref().filter(|_| !view.chunks.is_empty()) else { return };
-        let [x, y, width, height] = view.viewport.as_vec4().to_array();
-        pass.set_viewport(x, y, width, height, 0.0, 1.0);
+        set_viewport(pass, view.viewport);
         for (i, chunk) in view.chunks.iter().enumerate() {
             // Compiled when the chunk was bound.
             let Some(variant) = self.variants[usize::from(chunk.mask.is_some())].get() else { continue };
@@ -208,37 +201,10 @@ fn render_pipeline(
 ) -> wgpu::RenderPipeline {
     let source = shaders::cast(masked);
     let layout = pipeline_layout(device, source.label, groups);
-    let module = &shader_module(device, source);
-    let compilation_options = wgpu::PipelineCompilationOptions::default();
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("splat_cast"),
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module,
-            entry_point: Some("splat_cast_vertex"),
-            compilation_options: compilation_options.clone(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState {
-            topology: wgpu::PrimitiveTopology::TriangleStrip,
-            ..Default::default()
-        },
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: SHADOW_FORMAT,
-            depth_write_enabled: Some(true),
-            // Reverse z: what is nearer to the light is larger.
-            depth_compare: Some(wgpu::CompareFunction::Greater),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        }),
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module,
-            entry_point: Some("splat_cast_fragment"),
-            compilation_options,
-            targets: &[],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+    let module = shader_module(device, source);
+    let topology = wgpu::PrimitiveTopology::TriangleStrip;
+    // Reverse z: what is nearer to the light is larger.
+    let depth = Some(depth_state(SHADOW_FORMAT, true, wgpu::CompareFunction::Greater));
+    let drawing = Drawing::new("splat_cast", &module, &layout);
+    Drawing { topology, depth, ..drawing }.pipeline(device)
 }

@@ -8,7 +8,10 @@ use super::{
     edges::EdgeLayers,
     tonemapping::{InverseTable, Tonemapping},
 };
-use crate::bindings::{bind_group, group_layout, pipeline_layout, shader_module, uniform_binding};
+use crate::{
+    bindings::{bind_group, group_layout, pipeline_layout, shader_module, texture_binding, uniform_binding},
+    drawing::{Drawing, blended, set_viewport},
+};
 
 /// The space in which the target stores its colors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -78,21 +81,11 @@ impl Composite {
             min_filter: wgpu::FilterMode::Linear,
             ..Default::default()
         });
-        let no_table = device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("splat_no_table"),
-            size: wgpu::Extent3d::default(),
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D3,
-            format: wgpu::TextureFormat::Rgba16Float,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        });
         Self {
             single: Variant::new(device, CompositeKind::Single),
             edges: [CompositeKind::Multi, CompositeKind::Resolved].map(|kind| Variant::new(device, kind)),
             sampler,
-            no_table: no_table.create_view(&wgpu::TextureViewDescriptor::default()),
+            no_table: InverseTable::none(device),
         }
     }
 
@@ -191,8 +184,7 @@ impl Composite {
         if viewport.z == 0 || viewport.w == 0 {
             return;
         }
-        let [x, y, width, height] = viewport.as_vec4().to_array();
-        pass.set_viewport(x, y, width, height, 0.0, 1.0);
+        set_viewport(pass, viewport);
         pass.set_pipeline(&pipeline.pipeline);
         pass.set_bind_group(0, &input.group, &[]);
         pass.draw(0..3, 0..pipeline.n_instances);
@@ -211,21 +203,16 @@ impl Variant {
     fn new(device: &wgpu::Device, kind: CompositeKind) -> Self {
         let source = shaders::composite(kind);
         let label = source.label;
-        let texture = |sample_type, view_dimension| wgpu::BindingType::Texture {
-            sample_type,
-            view_dimension,
-            multisampled: false,
-        };
-        let layer =
-            texture(wgpu::TextureSampleType::Float { filterable: false }, wgpu::TextureViewDimension::D2);
+        let flat = wgpu::TextureViewDimension::D2;
+        let layer = texture_binding(wgpu::TextureSampleType::Float { filterable: false }, flat);
         let mut bindings = vec![
             uniform_binding::<SplatComposite>(),
             layer,
-            texture(wgpu::TextureSampleType::Float { filterable: true }, wgpu::TextureViewDimension::D3),
+            InverseTable::binding(),
             wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
         ];
         if kind != CompositeKind::Single {
-            bindings.extend([layer, texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2)]);
+            bindings.extend([layer, texture_binding(wgpu::TextureSampleType::Uint, flat)]);
         }
         let layout = group_layout(device, label, wgpu::ShaderStages::FRAGMENT, &bindings);
         let pipeline_layout = pipeline_layout(device, label, &[&layout]);
@@ -242,30 +229,8 @@ fn render_pipeline(
     samples: u32,
     constants: &[(&str, f64)],
 ) -> wgpu::RenderPipeline {
-    let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("splat_composite"),
-        layout: Some(&variant.pipeline_layout),
-        vertex: wgpu::VertexState {
-            module: &variant.module,
-            entry_point: Some("splat_composite_vertex"),
-            compilation_options: compilation_options.clone(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
-        fragment: Some(wgpu::FragmentState {
-            module: &variant.module,
-            entry_point: Some("splat_composite_fragment"),
-            compilation_options,
-            targets: &[Some(wgpu::ColorTargetState {
-                format,
-                blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
-                write_mask: wgpu::ColorWrites::ALL,
-            })],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+    let targets = &[blended(format, wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING)];
+    let Variant { module, pipeline_layout, .. } = variant;
+    let drawing = Drawing::new("splat_composite", module, pipeline_layout);
+    Drawing { samples, constants, targets, ..drawing }.pipeline(device)
 }

@@ -25,9 +25,11 @@ use super::{
 };
 use crate::{
     bindings::{
-        self, bind_group, compute_pipeline, group_layout, pipeline_layout, shader_module, storage_binding,
+        bind_group, compute_pass, compute_pipeline, group_layout, one_of, pipeline_layout, shader_module,
+        storage_binding, uniform_binding, uniforms_binding,
     },
     buffers,
+    drawing::{Drawing, depth_state, set_viewport},
 };
 
 mod slices;
@@ -88,31 +90,14 @@ struct Made {
     slices: Option<ViewSlices>,
 }
 
-/// The binding of uniforms with a dynamic offset.
-fn uniform_binding() -> wgpu::BindingType {
-    wgpu::BindingType::Buffer {
-        ty: wgpu::BufferBindingType::Uniform,
-        has_dynamic_offset: true,
-        min_binding_size: wgpu::BufferSize::new(size_of::<SplatIso>() as u64),
-    }
-}
-
-/// The uniforms of one slice as a resource.
-fn uniforms_of(buffer: &wgpu::Buffer) -> wgpu::BindingResource<'_> {
-    wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-        buffer,
-        offset: 0,
-        size: wgpu::BufferSize::new(size_of::<SplatIso>() as u64),
-    })
-}
-
 impl Depth {
     pub(super) fn new(device: &wgpu::Device) -> Self {
         let layout = |stages, read_only| {
-            group_layout(device, "splat_depth", stages, &[uniform_binding(), storage_binding(read_only)])
+            let bindings = [uniforms_binding::<SplatIso>(), storage_binding(read_only)];
+            group_layout(device, "splat_depth", stages, &bindings)
         };
         let read = storage_binding(true);
-        let lists = [bindings::uniform_binding::<SplatTiles>(), read, read, read, read, read];
+        let lists = [uniform_binding::<SplatTiles>(), read, read, read, read, read];
         Self {
             read: layout(wgpu::ShaderStages::VERTEX_FRAGMENT, true),
             write: layout(wgpu::ShaderStages::COMPUTE, false),
@@ -153,10 +138,7 @@ impl Depth {
             made.lists = Some((buffers[3].clone(), group));
         }
         let Some((_, group)) = &made.lists else { return };
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("splat_tiles_depth"),
-            timestamp_writes: None,
-        });
+        let mut pass = compute_pass(encoder, "splat_tiles_depth");
         pass.set_pipeline(self.tiles(device));
         pass.set_bind_group(0, group, &[]);
         pass.set_bind_group(1, &made.write, &[0]);
@@ -176,7 +158,7 @@ impl Made {
         let depths = buffers::create(device, "splat_iso_depths", size, usage);
         let uniforms = buffers::uniforms(device, "splat_depth", (UNIFORM_STRIDE * N_SLICES as usize) as u64);
         let group = |layout| {
-            let resources = [uniforms_of(&uniforms), depths.as_entire_binding()];
+            let resources = [one_of::<SplatIso>(&uniforms), depths.as_entire_binding()];
             bind_group(device, "splat_depth", layout, &resources)
         };
         let (read, write) = (group(&depth.read), group(&depth.write));
@@ -240,35 +222,10 @@ impl Depth {
     ) -> DepthPipeline {
         let source = shaders::write();
         let layout = pipeline_layout(device, source.label, &[&self.read]);
-        let module = &shader_module(device, source);
-        let compilation_options = wgpu::PipelineCompilationOptions::default();
-        DepthPipeline(device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("splat_depth_write"),
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module,
-                entry_point: Some("splat_depth_write_vertex"),
-                compilation_options: compilation_options.clone(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(wgpu::CompareFunction::Greater),
-                stencil: wgpu::StencilState::default(),
-                bias: wgpu::DepthBiasState::default(),
-            }),
-            multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
-            fragment: Some(wgpu::FragmentState {
-                module,
-                entry_point: Some("splat_depth_write_fragment"),
-                compilation_options,
-                targets: &[],
-            }),
-            multiview_mask: None,
-            cache: None,
-        }))
+        let module = shader_module(device, source);
+        let depth = Some(depth_state(format, true, wgpu::CompareFunction::Greater));
+        let drawing = Drawing::new("splat_depth_write", &module, &layout);
+        DepthPipeline(Drawing { depth, samples, ..drawing }.pipeline(device))
     }
 
     /// Finds the iso depths of `view`: by its lists of tiles, or by quads of `draw_layout`.
@@ -325,8 +282,7 @@ impl IsoDepth {
     /// Writes the depths into the depth attachment of `pass`, where they are nearer.
     pub(super) fn write(&self, pass: &mut wgpu::RenderPass, pipeline: &DepthPipeline) {
         let Some(made) = self.made.as_ref().filter(|_| self.found.is_some()) else { return };
-        let [x, y, width, height] = made.picture().as_vec4().to_array();
-        pass.set_viewport(x, y, width, height, 0.0, 1.0);
+        set_viewport(pass, made.picture());
         pass.set_pipeline(&pipeline.0);
         pass.set_bind_group(0, &made.read, &[0]);
         pass.draw(0..3, 0..1);

@@ -5,7 +5,10 @@ use std::sync::{Arc, OnceLock};
 use stylegaussian_shaders::splat::{self as shaders, SplatDraw};
 
 use super::{layer::LAYER_FORMAT, strokes::StrokeStage, view::DrawSource};
-use crate::bindings::{group_layout, pipeline_layout, shader_module, storage_binding, uniform_binding};
+use crate::{
+    bindings::{group_layout, pipeline_layout, shader_module, storage_binding, uniform_binding},
+    drawing::{Drawing, blended, depth_state, set_viewport},
+};
 
 /// Offset of the indirect draw's arguments in `SplatCommands`, in bytes.
 const DRAW_ARGUMENTS: u64 = std::mem::offset_of!(shaders::SplatCommands, n_vertices) as u64;
@@ -86,8 +89,7 @@ impl Draw {
         source: &DrawSource,
         commands: &wgpu::Buffer,
     ) {
-        let [x, y, width, height] = source.viewport.as_vec4().to_array();
-        pass.set_viewport(x, y, width, height, 0.0, 1.0);
+        set_viewport(pass, source.viewport);
         match source.strokes {
             None => pass.set_pipeline(&pipeline.plain),
             Some(group) => {
@@ -100,8 +102,7 @@ impl Draw {
     }
 }
 
-/// The draw of a shader with the entry points `label` and `_vertex`, `label` and `_fragment`, for a number of
-/// samples and a format of depth.
+/// The draw for a number of samples and a format of depth.
 fn render_pipeline(
     device: &wgpu::Device,
     module: &wgpu::ShaderModule,
@@ -109,40 +110,10 @@ fn render_pipeline(
     label: &str,
     (samples, depth_format): (u32, Option<wgpu::TextureFormat>),
 ) -> wgpu::RenderPipeline {
-    let depth_stencil = depth_format.map(|format| wgpu::DepthStencilState {
-        format,
-        // Splats are transparent: meshes hide them, but they do not hide one another.
-        depth_write_enabled: Some(false),
-        depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
-        stencil: wgpu::StencilState::default(),
-        bias: wgpu::DepthBiasState::default(),
-    });
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(label),
-        layout: Some(layout),
-        vertex: wgpu::VertexState {
-            module,
-            entry_point: Some(&format!("{label}_vertex")),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState {
-            topology: wgpu::PrimitiveTopology::TriangleStrip,
-            ..Default::default()
-        },
-        depth_stencil,
-        multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
-        fragment: Some(wgpu::FragmentState {
-            module,
-            entry_point: Some(&format!("{label}_fragment")),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(wgpu::ColorTargetState {
-                format: LAYER_FORMAT,
-                blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
-                write_mask: wgpu::ColorWrites::ALL,
-            })],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+    // Splats are transparent: meshes hide them, but they do not hide one another.
+    let depth = depth_format.map(|format| depth_state(format, false, wgpu::CompareFunction::GreaterEqual));
+    let targets = &[blended(LAYER_FORMAT, wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING)];
+    let topology = wgpu::PrimitiveTopology::TriangleStrip;
+    let drawing = Drawing::new(label, module, layout);
+    Drawing { topology, depth, samples, targets, ..drawing }.pipeline(device)
 }

@@ -11,6 +11,7 @@ use super::{camera::Camera, layer::LAYER_FORMAT};
 use crate::{
     bindings::{bind_group, group_layout, pipeline_layout, shader_module, uniform_binding},
     buffers,
+    drawing::{Drawing, attachment, cleared_color, cleared_depth, depth_state, set_viewport},
 };
 
 /// The format of [`EdgeLayers::nearer_samples`]: a bit for each of up to eight samples.
@@ -38,19 +39,7 @@ pub struct EdgeLayers {
 impl EdgeLayers {
     /// Textures of `size` in pixels. `more` are the usages of layers besides those of attachments.
     pub(super) fn new(device: &wgpu::Device, size: UVec2, more: wgpu::TextureUsages) -> Self {
-        let texture = |label, format, more| {
-            let texture = device.create_texture(&wgpu::TextureDescriptor {
-                label: Some(label),
-                size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING | more,
-                view_formats: &[],
-            });
-            texture.create_view(&wgpu::TextureViewDescriptor::default())
-        };
+        let texture = |label, format, more| attachment(device, label, size, format, more);
         let none = wgpu::TextureUsages::empty();
         Self {
             size,
@@ -113,35 +102,15 @@ impl Edges {
         let pipeline = |nearer| {
             let source = shaders::edges(nearer);
             let label = source.label;
+            let layout = pipeline_layout(device, label, &[&layout]);
             let mask = [Some(wgpu::ColorTargetState::from(MASK_FORMAT))];
             let module = shader_module(device, source);
-            device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-                label: Some(label),
-                layout: Some(&pipeline_layout(device, label, &[&layout])),
-                vertex: wgpu::VertexState {
-                    module: &module,
-                    entry_point: Some(&format!("{label}_vertex")),
-                    compilation_options: wgpu::PipelineCompilationOptions::default(),
-                    buffers: &[],
-                },
-                primitive: wgpu::PrimitiveState::default(),
-                depth_stencil: Some(wgpu::DepthStencilState {
-                    format: DEPTH_FORMAT,
-                    depth_write_enabled: Some(true),
-                    depth_compare: Some(wgpu::CompareFunction::Always),
-                    stencil: wgpu::StencilState::default(),
-                    bias: wgpu::DepthBiasState::default(),
-                }),
-                multisample: wgpu::MultisampleState::default(),
-                fragment: Some(wgpu::FragmentState {
-                    module: &module,
-                    entry_point: Some(&format!("{label}_fragment")),
-                    compilation_options: wgpu::PipelineCompilationOptions::default(),
-                    targets: if nearer { &[] } else { &mask },
-                }),
-                multiview_mask: None,
-                cache: None,
-            })
+            let drawing = Drawing {
+                depth: Some(depth_state(DEPTH_FORMAT, true, wgpu::CompareFunction::Always)),
+                targets: if nearer { &[] } else { &mask },
+                ..Drawing::new(label, &module, &layout)
+            };
+            drawing.pipeline(device)
         };
         let (farther, nearer) = (pipeline(false), pipeline(true));
         Self { layout, farther, nearer }
@@ -158,34 +127,19 @@ impl Edges {
     ) {
         let resources = [uniforms.buffer.as_entire_binding(), wgpu::BindingResource::TextureView(depth)];
         let group = bind_group(device, "splat_edges", &self.layout, &resources);
-        let mask = wgpu::RenderPassColorAttachment {
-            view: &layers.nearer_samples,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                store: wgpu::StoreOp::Store,
-            },
-        };
-        let [x, y, width, height] = viewport.as_vec4().to_array();
-        for (pipeline, mask, depth) in
-            [(&self.farther, Some(mask), &layers.farther_depth), (&self.nearer, None, &layers.nearer_depth)]
-        {
-            let attachments = [mask];
+        let mask = [cleared_color(&layers.nearer_samples)];
+        let sides = [
+            (&self.farther, &mask[..], &layers.farther_depth),
+            (&self.nearer, &mask[..0], &layers.nearer_depth),
+        ];
+        for (pipeline, color_attachments, depth) in sides {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("splat_edges"),
-                color_attachments: if attachments[0].is_some() { &attachments } else { &[] },
-                depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                    view: depth,
-                    depth_ops: Some(wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(0.0),
-                        store: wgpu::StoreOp::Store,
-                    }),
-                    stencil_ops: None,
-                }),
+                color_attachments,
+                depth_stencil_attachment: cleared_depth(depth),
                 ..Default::default()
             });
-            pass.set_viewport(x, y, width, height, 0.0, 1.0);
+            set_viewport(&mut pass, viewport);
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &group, &[]);
             pass.draw(0..3, 0..1);

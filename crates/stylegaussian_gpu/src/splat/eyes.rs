@@ -16,7 +16,7 @@ use super::{
     project::Project,
     view::{ChunkDispatch, SplatView},
 };
-use crate::bindings::{compute_pipeline, group_layout, pipeline_layout, storage_binding};
+use crate::bindings::{compute_pipeline, group_layout, pipeline_layout, storage_binding, uniforms_binding};
 
 /// Storage buffers that the kernel binds for clouds with a mask: keys, records of both eyes, Gaussians,
 /// spherical harmonics, colors, mask. WebGPU's default limit is one less.
@@ -33,13 +33,8 @@ impl Project {
     /// Group 2: the second eye's uniforms, and both halves of its records.
     pub(super) fn eye_layout(&self, device: &wgpu::Device) -> &wgpu::BindGroupLayout {
         self.eyes.layout.get_or_init(|| {
-            let uniforms = wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Uniform,
-                has_dynamic_offset: true,
-                min_binding_size: wgpu::BufferSize::new(size_of::<SplatChunk>() as u64),
-            };
             let write = storage_binding(false);
-            let bindings = [uniforms, write, write];
+            let bindings = [uniforms_binding::<SplatChunk>(), write, write];
             group_layout(device, "splat_second_eye", wgpu::ShaderStages::COMPUTE, &bindings)
         })
     }

@@ -14,8 +14,9 @@ use stylegaussian_shaders::{
 
 use super::{camera::Camera, edges::STEEPEST, layer::LAYER_FORMAT};
 use crate::{
-    bindings::{bind_group, group_layout, pipeline_layout, shader_module, uniform_binding},
+    bindings::{bind_group, group_layout, pipeline_layout, shader_module, texture_binding, uniform_binding},
     buffers,
+    drawing::{Drawing, attachment, cleared_color, cleared_depth, depth_state, set_viewport},
 };
 
 /// The format of depths of low pixels.
@@ -35,19 +36,7 @@ impl HalfLayer {
     /// attachments.
     pub(super) fn new(device: &wgpu::Device, size: UVec2, more: wgpu::TextureUsages) -> Self {
         let low = half_size(size);
-        let texture = |label, format, more| {
-            let texture = device.create_texture(&wgpu::TextureDescriptor {
-                label: Some(label),
-                size: wgpu::Extent3d { width: low.x, height: low.y, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING | more,
-                view_formats: &[],
-            });
-            texture.create_view(&wgpu::TextureViewDescriptor::default())
-        };
+        let texture = |label, format, more| attachment(device, label, low, format, more);
         Self {
             size,
             color: texture("splat_half_layer", LAYER_FORMAT, more),
@@ -104,22 +93,12 @@ impl HalfUniforms {
 
 /// Depths that are written, whatever was there.
 fn written_depth() -> wgpu::DepthStencilState {
-    wgpu::DepthStencilState {
-        format: DEPTH_FORMAT,
-        depth_write_enabled: Some(true),
-        depth_compare: Some(wgpu::CompareFunction::Always),
-        stencil: wgpu::StencilState::default(),
-        bias: wgpu::DepthBiasState::default(),
-    }
+    depth_state(DEPTH_FORMAT, true, wgpu::CompareFunction::Always)
 }
 
 impl Half {
     pub fn new(device: &wgpu::Device) -> Self {
-        let texture = |sample_type| wgpu::BindingType::Texture {
-            sample_type,
-            view_dimension: wgpu::TextureViewDimension::D2,
-            multisampled: false,
-        };
+        let texture = |sample_type| texture_binding(sample_type, wgpu::TextureViewDimension::D2);
         let uniforms = uniform_binding::<SplatHalf>();
         let depth = texture(wgpu::TextureSampleType::Depth);
         let color = texture(wgpu::TextureSampleType::Float { filterable: false });
@@ -148,14 +127,7 @@ impl Half {
     ) {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("splat_half_depth"),
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &half.depth,
-                depth_ops: Some(wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(0.0),
-                    store: wgpu::StoreOp::Store,
-                }),
-                stencil_ops: None,
-            }),
+            depth_stencil_attachment: cleared_depth(&half.depth),
             ..Default::default()
         });
         let size = half_size(UVec2::new(viewport.z, viewport.w));
@@ -174,15 +146,7 @@ impl Half {
     ) {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("splat_half_upsample"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: color,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
+            color_attachments: &[cleared_color(color)],
             ..Default::default()
         });
         let textures = [depth, &half.color, &half.depth];
@@ -196,32 +160,14 @@ impl Stage {
         source: Source,
         bindings: &[wgpu::BindingType],
         targets: &[Option<wgpu::ColorTargetState>],
-        depth_stencil: Option<wgpu::DepthStencilState>,
+        depth: Option<wgpu::DepthStencilState>,
     ) -> Self {
         let label = source.label;
         let layout = group_layout(device, label, wgpu::ShaderStages::FRAGMENT, bindings);
-        let module = &shader_module(device, source);
-        let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(label),
-            layout: Some(&pipeline_layout(device, label, &[&layout])),
-            vertex: wgpu::VertexState {
-                module,
-                entry_point: Some(&format!("{label}_vertex")),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil,
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module,
-                entry_point: Some(&format!("{label}_fragment")),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets,
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let groups = pipeline_layout(device, label, &[&layout]);
+        let module = shader_module(device, source);
+        let drawing = Drawing { depth, targets, ..Drawing::new(label, &module, &groups) };
+        let pipeline = drawing.pipeline(device);
         Self { layout, pipeline }
     }
 
@@ -236,8 +182,7 @@ impl Stage {
     ) {
         let views = textures.iter().map(|&view| wgpu::BindingResource::TextureView(view));
         let resources: Vec<_> = [uniforms.as_entire_binding()].into_iter().chain(views).collect();
-        let [x, y, width, height] = viewport.as_vec4().to_array();
-        pass.set_viewport(x, y, width, height, 0.0, 1.0);
+        set_viewport(pass, viewport);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &bind_group(device, "splat_half", &self.layout, &resources), &[]);
         pass.draw(0..3, 0..1);

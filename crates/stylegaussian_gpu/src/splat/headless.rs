@@ -15,6 +15,7 @@ use super::{
 };
 use crate::{
     buffers::{self, ReadBackError},
+    drawing::attachment,
     strokes::StrokeStore,
 };
 
@@ -57,8 +58,7 @@ pub struct Headless {
 
 #[derive(Debug)]
 struct Target {
-    layer: wgpu::Texture,
-    view: wgpu::TextureView,
+    layer: wgpu::TextureView,
     read_back: wgpu::Buffer,
 }
 
@@ -116,7 +116,7 @@ impl Headless {
             Some(target) if target.size() == size => self.target.insert(target),
             _ => self.target.insert(Target::new(device, size, self.pass.layer_usages())),
         };
-        let layer = Layer { color: &target.view, depth: None };
+        let layer = Layer { color: &target.layer, depth: None };
         self.pass.draw_layer(device, queue, &mut encoder, &mut self.view, &layer, &self.pipeline);
         target.copy(&mut encoder);
         queue.submit([encoder.finish()]);
@@ -126,24 +126,16 @@ impl Headless {
 
 impl Target {
     fn new(device: &wgpu::Device, size: UVec2, more: wgpu::TextureUsages) -> Self {
-        let layer = device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("splat_layer"),
-            size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: LAYER_FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC | more,
-            view_formats: &[],
-        });
+        let more = wgpu::TextureUsages::COPY_SRC | more;
+        let layer = attachment(device, "splat_layer", size, LAYER_FORMAT, more);
         let size_in_bytes = u64::from(bytes_per_row(size)) * u64::from(size.y);
         let read_back = buffers::read_back(device, "splat_read_back", size_in_bytes);
-        let view = layer.create_view(&wgpu::TextureViewDescriptor::default());
-        Self { layer, view, read_back }
+        Self { layer, read_back }
     }
 
     fn size(&self) -> UVec2 {
-        UVec2::new(self.layer.width(), self.layer.height())
+        let layer = self.layer.texture();
+        UVec2::new(layer.width(), layer.height())
     }
 
     fn copy(&self, encoder: &mut wgpu::CommandEncoder) {
@@ -152,11 +144,9 @@ impl Target {
             bytes_per_row: Some(bytes_per_row(self.size())),
             rows_per_image: None,
         };
-        encoder.copy_texture_to_buffer(
-            self.layer.as_image_copy(),
-            wgpu::TexelCopyBufferInfo { buffer: &self.read_back, layout },
-            self.layer.size(),
-        );
+        let (from, to) =
+            (self.layer.texture(), wgpu::TexelCopyBufferInfo { buffer: &self.read_back, layout });
+        encoder.copy_texture_to_buffer(from.as_image_copy(), to, from.size());
     }
 
     /// The picture, once the GPU is done.

@@ -1,5 +1,7 @@
 //! The layer: the texture in which splats blend among themselves.
 
+use crate::drawing::cleared_color;
+
 /// The format of a layer. Stylized colors are not clamped, and 8 bits would round each of the thousands of
 /// blends.
 pub const LAYER_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
@@ -29,15 +31,7 @@ impl Layer<'_> {
     pub(super) fn cleared<'a>(&self, encoder: &'a mut wgpu::CommandEncoder) -> wgpu::RenderPass<'a> {
         encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("splat_draw"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: self.color,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
+            color_attachments: &[cleared_color(self.color)],
             // An attachment without operations is read only, so that later passes may still sample it.
             depth_stencil_attachment: self.depth.map(|view| wgpu::RenderPassDepthStencilAttachment {
                 view,

@@ -3,7 +3,10 @@
 use stylegaussian_shaders::splat as shaders;
 
 use super::tonemapping::Tonemapping;
-use crate::bindings::{pipeline_layout, shader_module};
+use crate::{
+    bindings::{pipeline_layout, shader_module},
+    drawing::Drawing,
+};
 
 /// The pipeline that lifts what is exactly black by less than a screen shows.
 #[derive(Clone, Debug)]
@@ -19,37 +22,17 @@ impl LiftPipeline {
     pub fn new(device: &wgpu::Device, format: wgpu::TextureFormat) -> Self {
         let source = shaders::lift();
         let label = source.label;
-        let module = &shader_module(device, source);
+        let layout = pipeline_layout(device, label, &[]);
+        let module = shader_module(device, source);
         let most = wgpu::BlendComponent {
             src_factor: wgpu::BlendFactor::One,
             dst_factor: wgpu::BlendFactor::One,
             operation: wgpu::BlendOperation::Max,
         };
-        Self(device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(label),
-            layout: Some(&pipeline_layout(device, label, &[])),
-            vertex: wgpu::VertexState {
-                module,
-                entry_point: Some("splat_lift_vertex"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: None,
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module,
-                entry_point: Some("splat_lift_fragment"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[Some(wgpu::ColorTargetState {
-                    format,
-                    blend: Some(wgpu::BlendState { color: most, alpha: most }),
-                    write_mask: wgpu::ColorWrites::COLOR,
-                })],
-            }),
-            multiview_mask: None,
-            cache: None,
-        }))
+        let blend = Some(wgpu::BlendState { color: most, alpha: most });
+        let target = wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::COLOR };
+        let targets = &[Some(target)];
+        Self(Drawing { targets, ..Drawing::new(label, &module, &layout) }.pipeline(device))
     }
 
     /// Lifts all of the target of `pass`.

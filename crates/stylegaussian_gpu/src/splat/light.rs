@@ -20,7 +20,9 @@ use super::{
     tonemapping::{InverseTable, Tonemapping},
 };
 use crate::{
-    bindings::{Kernel, bind_group, storage_binding, uniform_binding},
+    bindings::{
+        Kernel, bind_group, one_of, storage_binding, texture_binding, uniform_binding, uniforms_binding,
+    },
     buffers,
 };
 
@@ -118,26 +120,19 @@ impl LightStage {
     /// The kernel for a tone mapping with or without shadows, which is compiled unless it is there.
     pub fn kernel(&self, device: &wgpu::Device, tonemapping: Tonemapping, shadowed: bool) -> &Kernel {
         self.kernels[tonemapping as usize][usize::from(shadowed)].get_or_init(|| {
-            let uniforms = wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Uniform,
-                has_dynamic_offset: true,
-                min_binding_size: wgpu::BufferSize::new(size_of::<SplatLight>() as u64),
-            };
-            let texture = |sample_type, view_dimension| wgpu::BindingType::Texture {
-                sample_type,
-                view_dimension,
-                multisampled: false,
-            };
-            let filterable = wgpu::TextureSampleType::Float { filterable: true };
-            let table = texture(filterable, wgpu::TextureViewDimension::D3);
+            let uniforms = uniforms_binding::<SplatLight>();
+            let table = InverseTable::binding();
             let (read, write) = (storage_binding(true), storage_binding(false));
             let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
             let mut bindings = vec![uniforms, read, read, write, write, table, table, sampler];
             if shadowed {
-                bindings.push(uniform_binding::<SplatShadows>());
-                bindings.push(texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2Array));
-                bindings.push(wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Comparison));
-                bindings.push(texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::CubeArray));
+                let depths = |dimension| texture_binding(wgpu::TextureSampleType::Depth, dimension);
+                bindings.extend([
+                    uniform_binding::<SplatShadows>(),
+                    depths(wgpu::TextureViewDimension::D2Array),
+                    wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Comparison),
+                    depths(wgpu::TextureViewDimension::CubeArray),
+                ]);
             }
             let mode = CompositeMode::InvertTonemapping(tonemapping).mode();
             let constants = [("mode", f64::from(mode)), ("curve", f64::from(tonemapping.curve()))];
@@ -160,7 +155,7 @@ impl LightStage {
             sampler: sampler(None),
             // Reverse z: what is in the light is nearest to it.
             shadow_sampler: sampler(Some(wgpu::CompareFunction::GreaterEqual)),
-            no_table: InverseTable::texture(device, "splat_no_table", 1, wgpu::TextureUsages::empty()),
+            no_table: InverseTable::none(device),
             no_strokes: buffers::create(device, "splat_no_strokes", 16, wgpu::BufferUsages::STORAGE),
         })
     }
@@ -219,18 +214,13 @@ impl LightStage {
         if view.group.as_ref().is_some_and(|(last, _)| *last == of) {
             return;
         }
-        // One cloud; a dynamic offset selects which.
-        let one_cloud = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-            buffer: &uniforms,
-            offset: 0,
-            size: wgpu::BufferSize::new(size_of::<SplatLight>() as u64),
-        });
         let [_, keys, geometry, color, strokes] = buffers.map(wgpu::Buffer::as_entire_binding);
         let inverse = table.as_ref().map_or(&shared.no_table, InverseTable::view);
         let curve = table.as_ref().and_then(InverseTable::curve).unwrap_or(&shared.no_table);
         let [inverse, curve] = [inverse, curve].map(wgpu::BindingResource::TextureView);
         let sampler = wgpu::BindingResource::Sampler(&shared.sampler);
-        let mut resources = vec![one_cloud, keys, geometry, color, strokes, inverse, curve, sampler];
+        let mut resources =
+            vec![one_of::<SplatLight>(&uniforms), keys, geometry, color, strokes, inverse, curve, sampler];
         if let Some(([maps, cubes], _)) = shadows {
             let size = size_of::<SplatShadows>() as u64;
             let create = || buffers::uniforms(device, "splat_shadows", size);

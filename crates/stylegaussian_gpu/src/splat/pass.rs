@@ -23,7 +23,7 @@ use super::{
     tonemapping::Tonemapping,
     view::{Change, SplatView},
 };
-use crate::{device::is_software, strokes::StrokeStore};
+use crate::{bindings::compute_pass, device::is_software, strokes::StrokeStore};
 
 mod casters;
 mod depth;
@@ -177,10 +177,7 @@ impl SplatPass {
         }
         let Some(sort) = view.sort() else { return Ok(()) };
         view.clear_strokes(encoder);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("splat"),
-            timestamp_writes: None,
-        });
+        let mut pass = compute_pass(encoder, "splat");
         self.project.encode(&mut pass, view);
         self.project.encode_strokes(device, &mut pass, view);
         self.light.encode(device, &mut pass, &view.lit);

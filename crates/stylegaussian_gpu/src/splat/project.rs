@@ -20,7 +20,9 @@ use super::{
     view::{Change, ChunkBindings, ChunkDispatch, ChunkGroups, ChunkVersions, SplatView},
 };
 use crate::{
-    bindings::{bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding},
+    bindings::{
+        bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding, uniforms_binding,
+    },
     buffers,
     colors::GaussianColors,
     strokes::StrokeStore,
@@ -67,14 +69,10 @@ impl Variant {
 impl Project {
     /// `store` has the textures of strokes.
     pub fn new(device: &wgpu::Device, store: StrokeStore) -> Self {
-        let uniforms = wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Uniform,
-            has_dynamic_offset: true,
-            min_binding_size: wgpu::BufferSize::new(size_of::<SplatChunk>() as u64),
-        };
         let (label, compute) = ("splat_project", wgpu::ShaderStages::COMPUTE);
         let write = storage_binding(false);
-        let view_layout = group_layout(device, label, compute, &[uniforms, write, write, write]);
+        let view_layout =
+            group_layout(device, label, compute, &[uniforms_binding::<SplatChunk>(), write, write, write]);
         let absent = buffers::create(device, "splat_absent", 16, wgpu::BufferUsages::STORAGE);
         let plain = Variant::new(device, &view_layout, false);
         let (strokes, eyes) = (StrokeStage::new(store), EyeStage::default());

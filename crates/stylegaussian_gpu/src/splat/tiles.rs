@@ -19,7 +19,10 @@ use stylegaussian_shaders::splat::{
 
 use super::{layer::LAYER_FORMAT, sort::SortBuffers, strokes::StrokeStage};
 use crate::{
-    bindings::{Kernel, bind_group, compute_pipeline, pipeline_layout, storage_binding, uniform_binding},
+    bindings::{
+        Kernel, bind_group, compute_pass, compute_pipeline, pipeline_layout, storage_binding,
+        texture_binding, uniform_binding,
+    },
     buffers,
 };
 
@@ -51,11 +54,7 @@ impl Tiles {
             format: LAYER_FORMAT,
             view_dimension: wgpu::TextureViewDimension::D2,
         };
-        let depth = wgpu::BindingType::Texture {
-            sample_type: wgpu::TextureSampleType::Depth,
-            view_dimension: wgpu::TextureViewDimension::D2,
-            multisampled: false,
-        };
+        let depth = texture_binding(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2);
         let blended = [uniforms, read, read, read, read, read, layer, depth];
         Self {
             count: Kernel::new(
@@ -99,10 +98,7 @@ impl Tiles {
         encoder.clear_buffer(&lists.run_counts, 0, Some(run_counts_bytes(lists.n_tiles)));
         encoder.clear_buffer(&lists.progress[0], 0, None);
         encoder.clear_buffer(&lists.progress[1], 0, None);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("splat_tiles"),
-            timestamp_writes: None,
-        });
+        let mut pass = compute_pass(encoder, "splat_tiles");
         let n_segments = (product(lists.n_tiles) as u32).div_ceil(TILES_PER_SEGMENT);
         for (kernel, group, n_groups, n_times) in [
             (&self.count, &lists.count, N_RUNS / SOFTWARE_WORKGROUP, lists.n_times),
@@ -140,10 +136,7 @@ impl Tiles {
             lists.blends.insert(0, (textures.clone(), group));
         }
         let Some((_, group)) = lists.blends.iter().find(|(of, _)| *of == textures) else { return };
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("splat_tiles_blend"),
-            timestamp_writes: None,
-        });
+        let mut pass = compute_pass(encoder, "splat_tiles_blend");
         match strokes {
             None => pass.set_pipeline(&kernel.pipeline),
             Some((stage, of_strokes)) => {

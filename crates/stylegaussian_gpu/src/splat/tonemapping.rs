@@ -2,7 +2,7 @@
 
 use stylegaussian_shaders::splat::{self as shaders, TABLE_SIZE};
 
-use crate::bindings::{Kernel, bind_group};
+use crate::bindings::{Kernel, bind_group, compute_pass, texture_binding};
 
 /// Bevy's tone mapping methods.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -92,10 +92,10 @@ impl InverseTable {
     /// Encodes the search for the inverse of `curve`. It takes milliseconds on a GPU, once in the life of a
     /// device.
     pub fn new(device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder, curve: ToneCurve) -> Self {
-        let texture = |label, size, usage| Self::texture(device, label, size, usage);
-        let table = texture("splat_inverse_table", TABLE_SIZE, wgpu::TextureUsages::STORAGE_BINDING);
+        let usage = wgpu::TextureUsages::STORAGE_BINDING;
+        let table = texture(device, "splat_inverse_table", TABLE_SIZE, usage);
         // A binding needs some texture, also for curves that read none.
-        let unread = texture("splat_no_table", 1, wgpu::TextureUsages::empty());
+        let unread = Self::none(device);
 
         let kernel = kernel(device, curve.tonemapping().curve());
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
@@ -109,10 +109,7 @@ impl InverseTable {
             wgpu::BindingResource::Sampler(&sampler),
         ];
         let group = bind_group(device, kernel.label, &kernel.layout, &resources);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some(kernel.label),
-            timestamp_writes: None,
-        });
+        let mut pass = compute_pass(encoder, kernel.label);
         pass.set_pipeline(&kernel.pipeline);
         pass.set_bind_group(0, &group, &[]);
         // Workgroups are cubes of 4 x 4 x 4.
@@ -122,24 +119,15 @@ impl InverseTable {
         Self { view: table, curve: curve.table().cloned() }
     }
 
-    /// A cube of `size` texels along each side.
-    pub(super) fn texture(
-        device: &wgpu::Device,
-        label: &str,
-        size: u32,
-        usage: wgpu::TextureUsages,
-    ) -> wgpu::TextureView {
-        let texture = device.create_texture(&wgpu::TextureDescriptor {
-            label: Some(label),
-            size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: size },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D3,
-            format: wgpu::TextureFormat::Rgba16Float,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | usage,
-            view_formats: &[],
-        });
-        texture.create_view(&wgpu::TextureViewDescriptor::default())
+    /// The texture that is bound if there is no table.
+    pub(super) fn none(device: &wgpu::Device) -> wgpu::TextureView {
+        texture(device, "splat_no_table", 1, wgpu::TextureUsages::empty())
+    }
+
+    /// The binding of a table.
+    pub(super) fn binding() -> wgpu::BindingType {
+        let filterable = wgpu::TextureSampleType::Float { filterable: true };
+        texture_binding(filterable, wgpu::TextureViewDimension::D3)
     }
 
     pub(super) fn view(&self) -> &wgpu::TextureView {
@@ -152,6 +140,21 @@ impl InverseTable {
     }
 }
 
+/// A cube of `size` texels along each side.
+fn texture(device: &wgpu::Device, label: &str, size: u32, usage: wgpu::TextureUsages) -> wgpu::TextureView {
+    let texture = device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: size },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D3,
+        format: wgpu::TextureFormat::Rgba16Float,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | usage,
+        view_formats: &[],
+    });
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
 fn kernel(device: &wgpu::Device, curve: u32) -> Kernel {
     let bindings = [
         wgpu::BindingType::StorageTexture {
@@ -159,11 +162,7 @@ fn kernel(device: &wgpu::Device, curve: u32) -> Kernel {
             format: wgpu::TextureFormat::Rgba16Float,
             view_dimension: wgpu::TextureViewDimension::D3,
         },
-        wgpu::BindingType::Texture {
-            sample_type: wgpu::TextureSampleType::Float { filterable: true },
-            view_dimension: wgpu::TextureViewDimension::D3,
-            multisampled: false,
-        },
+        InverseTable::binding(),
         wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
     ];
     let constants = [("curve", f64::from(curve))];

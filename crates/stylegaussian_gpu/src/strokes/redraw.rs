@@ -14,7 +14,8 @@ use super::{
 };
 use crate::{
     bindings::{
-        bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding, uniform_binding,
+        bind_group, compute_pass, compute_pipeline, group_layout, one_of, pipeline_layout, storage_binding,
+        texture_binding, uniforms_binding,
     },
     buffers::{self, ReadBackError, TooLarge},
 };
@@ -150,21 +151,11 @@ impl Scratch {
 impl StrokeRedrawer {
     /// Compiles the kernels.
     pub fn new(device: &wgpu::Device) -> Self {
-        let step_layout = {
-            let uniforms = match uniform_binding::<PaintStep>() {
-                wgpu::BindingType::Buffer { ty, min_binding_size, .. } => {
-                    wgpu::BindingType::Buffer { ty, min_binding_size, has_dynamic_offset: true }
-                }
-                other => other,
-            };
-            let bindings = [uniforms, storage_binding(false), storage_binding(false)];
-            group_layout(device, "paint_step", wgpu::ShaderStages::COMPUTE, &bindings)
-        };
-        let image = wgpu::BindingType::Texture {
-            sample_type: wgpu::TextureSampleType::Float { filterable: false },
-            view_dimension: wgpu::TextureViewDimension::D2,
-            multisampled: false,
-        };
+        let write = storage_binding(false);
+        let bindings = [uniforms_binding::<PaintStep>(), write, write];
+        let step_layout = group_layout(device, "paint_step", wgpu::ShaderStages::COMPUTE, &bindings);
+        let sample_type = wgpu::TextureSampleType::Float { filterable: false };
+        let image = texture_binding(sample_type, wgpu::TextureViewDimension::D2);
         let image_layout = group_layout(device, "paint_image", wgpu::ShaderStages::COMPUTE, &[image]);
         let of_image = pipeline_layout(device, "paint_read", &[&step_layout, &image_layout]);
         let of_pictures = pipeline_layout(device, "paint_step", &[&step_layout]);
@@ -262,10 +253,7 @@ impl StrokeRedrawer {
     ) {
         let view = wgpu::BindingResource::TextureView(image.view);
         let of_image = bind_group(device, "paint_image", &self.image_layout, &[view]);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("redraw_strokes"),
-            ..Default::default()
-        });
+        let mut pass = compute_pass(encoder, "redraw_strokes");
         for (i, step) in planned.plan.steps.iter().enumerate() {
             pass.set_pipeline(&self.pipelines[step.stage as usize]);
             pass.set_bind_group(0, &planned.group, &[(i * OFFSET) as u32]);
@@ -303,13 +291,8 @@ impl StrokeRedrawer {
             place[..size_of::<PaintStep>()].copy_from_slice(bytemuck::bytes_of(&step.uniforms));
         }
         queue.write_buffer(&uniforms, 0, &bytes);
-        let size = wgpu::BufferSize::new(size_of::<PaintStep>() as u64);
-        let one_step = wgpu::BufferBinding { buffer: &uniforms, offset: 0, size };
-        let resources = [
-            wgpu::BindingResource::Buffer(one_step),
-            pictures.as_entire_binding(),
-            packed.as_entire_binding(),
-        ];
+        let [of_pictures, of_packed] = [&pictures, &packed].map(wgpu::Buffer::as_entire_binding);
+        let resources = [one_of::<PaintStep>(&uniforms), of_pictures, of_packed];
         let group = bind_group(device, "paint_step", &self.step_layout, &resources);
         let planned = Arc::new(Planned { key, plan, group, packed });
         scratch.plans.push(Arc::clone(&planned));

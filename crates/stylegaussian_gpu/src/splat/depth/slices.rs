@@ -9,16 +9,17 @@
 use glam::UVec2;
 use stylegaussian_shaders::splat::{
     SplatCommands,
-    depth::{self as shaders, N_SLICES, SLICES_SIDE},
+    depth::{self as shaders, N_SLICES, SLICES_SIDE, SplatIso},
 };
 
-use super::{
-    super::{layer::LAYER_FORMAT, view::Sorted},
-    uniform_binding, uniforms_of,
-};
+use super::super::{layer::LAYER_FORMAT, view::Sorted};
 use crate::{
-    bindings::{Kernel, bind_group, pipeline_layout, shader_module, storage_binding},
+    bindings::{
+        Kernel, bind_group, compute_pass, one_of, pipeline_layout, shader_module, storage_binding,
+        texture_binding, uniforms_binding,
+    },
     buffers,
+    drawing::{Drawing, attachment, blended, cleared_color},
 };
 
 /// The pipelines.
@@ -49,13 +50,10 @@ impl Slices {
         draw_layout: &wgpu::BindGroupLayout,
         read: &wgpu::BindGroupLayout,
     ) -> Self {
-        let moments = wgpu::BindingType::Texture {
-            sample_type: wgpu::TextureSampleType::Float { filterable: false },
-            view_dimension: wgpu::TextureViewDimension::D2,
-            multisampled: false,
-        };
+        let sample_type = wgpu::TextureSampleType::Float { filterable: false };
+        let moments = texture_binding(sample_type, wgpu::TextureViewDimension::D2);
         let (read_only, write) = (storage_binding(true), storage_binding(false));
-        let cross = [uniform_binding(), read_only, read_only, read_only, moments, write];
+        let cross = [uniforms_binding::<SplatIso>(), read_only, read_only, read_only, moments, write];
         Self {
             commands: Kernel::new(device, shaders::slices_commands(), &[read_only, write]),
             draw: render_pipeline(device, &[draw_layout, read]),
@@ -72,8 +70,7 @@ impl Slices {
         read: &wgpu::BindGroup,
         uniform_stride: usize,
     ) {
-        let compute = wgpu::ComputePassDescriptor { label: Some("splat_slices"), timestamp_writes: None };
-        let mut pass = encoder.begin_compute_pass(&compute);
+        let mut pass = compute_pass(encoder, "splat_slices");
         pass.set_pipeline(&self.commands.pipeline);
         pass.set_bind_group(0, &view.commands, &[]);
         pass.dispatch_workgroups(1, 1, 1);
@@ -82,15 +79,7 @@ impl Slices {
             let offset = slice * uniform_stride as u32;
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("splat_slices_draw"),
-                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view: &view.moments,
-                    depth_slice: None,
-                    resolve_target: None,
-                    ops: wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                        store: wgpu::StoreOp::Store,
-                    },
-                })],
+                color_attachments: &[cleared_color(&view.moments)],
                 ..Default::default()
             });
             pass.set_pipeline(&self.draw);
@@ -98,7 +87,7 @@ impl Slices {
             pass.set_bind_group(1, read, &[offset]);
             pass.draw_indirect(&view.draw, std::mem::offset_of!(SplatCommands, n_vertices) as u64);
             drop(pass);
-            let mut pass = encoder.begin_compute_pass(&compute);
+            let mut pass = compute_pass(encoder, "splat_slices");
             pass.set_pipeline(&self.cross.pipeline);
             pass.set_bind_group(0, &view.cross, &[offset]);
             let groups = view.size.map(|side| side.div_ceil(SLICES_SIDE));
@@ -116,22 +105,13 @@ impl ViewSlices {
         size: UVec2,
         (uniforms, depths): (&wgpu::Buffer, &wgpu::Buffer),
     ) -> Self {
-        let moments = device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("splat_moments"),
-            size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: LAYER_FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        });
-        let moments = moments.create_view(&wgpu::TextureViewDescriptor::default());
+        let none = wgpu::TextureUsages::empty();
+        let moments = attachment(device, "splat_moments", size, LAYER_FORMAT, none);
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT;
         let draw = buffers::create(device, "splat_slices", size_of::<SplatCommands>() as u64, usage);
         let commands = slices.commands.bind(device, &[sorted.counts, &draw]);
         let resources = [
-            uniforms_of(uniforms),
+            one_of::<SplatIso>(uniforms),
             sorted.counts.as_entire_binding(),
             sorted.record_indices.as_entire_binding(),
             sorted.color_halves.as_entire_binding(),
@@ -152,39 +132,14 @@ impl ViewSlices {
 fn render_pipeline(device: &wgpu::Device, groups: &[&wgpu::BindGroupLayout]) -> wgpu::RenderPipeline {
     let source = shaders::slices_draw();
     let layout = pipeline_layout(device, source.label, groups);
-    let module = &shader_module(device, source);
-    let compilation_options = wgpu::PipelineCompilationOptions::default();
+    let module = shader_module(device, source);
     let under = wgpu::BlendComponent {
         src_factor: wgpu::BlendFactor::OneMinusDstAlpha,
         dst_factor: wgpu::BlendFactor::One,
         operation: wgpu::BlendOperation::Add,
     };
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("splat_slices_draw"),
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module,
-            entry_point: Some("splat_slices_draw_vertex"),
-            compilation_options: compilation_options.clone(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState {
-            topology: wgpu::PrimitiveTopology::TriangleStrip,
-            ..Default::default()
-        },
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module,
-            entry_point: Some("splat_slices_draw_fragment"),
-            compilation_options,
-            targets: &[Some(wgpu::ColorTargetState {
-                format: LAYER_FORMAT,
-                blend: Some(wgpu::BlendState { color: under, alpha: under }),
-                write_mask: wgpu::ColorWrites::ALL,
-            })],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+    let targets = &[blended(LAYER_FORMAT, wgpu::BlendState { color: under, alpha: under })];
+    let topology = wgpu::PrimitiveTopology::TriangleStrip;
+    let drawing = Drawing::new("splat_slices_draw", &module, &layout);
+    Drawing { topology, targets, ..drawing }.pipeline(device)
 }

@@ -1,13 +1,16 @@
 //! Two eyes of one head, projected and sorted together.
 
 use super::SplatPass;
-use crate::splat::{
-    camera::Camera,
-    cloud::{self, Cloud},
-    error::SplatError,
-    eyes::{binds_masks, middle},
-    settings::SplatSettings,
-    view::{Change, SplatView},
+use crate::{
+    bindings::compute_pass,
+    splat::{
+        camera::Camera,
+        cloud::{self, Cloud},
+        error::SplatError,
+        eyes::{binds_masks, middle},
+        settings::SplatSettings,
+        view::{Change, SplatView},
+    },
 };
 
 impl SplatPass {
@@ -83,10 +86,7 @@ impl SplatPass {
         let (Some(sort), Some(second_eye)) = (first.sort(), second_eye) else { return Ok(()) };
         first.clear_strokes(encoder);
         second.clear_strokes(encoder);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("splat_eyes"),
-            timestamp_writes: None,
-        });
+        let mut pass = compute_pass(encoder, "splat_eyes");
         self.project.encode_eyes(device, &mut pass, first, &second_eye);
         self.project.encode_strokes(device, &mut pass, first);
         self.project.encode_strokes(device, &mut pass, second);

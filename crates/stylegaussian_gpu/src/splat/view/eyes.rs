@@ -3,7 +3,10 @@
 use stylegaussian_shaders::splat::SplatChunk;
 
 use super::{SplatView, ViewBuffers};
-use crate::{bindings::bind_group, splat::error::SplatError, splat::sort::Sort};
+use crate::{
+    bindings::{bind_group, one_of},
+    splat::{error::SplatError, sort::Sort},
+};
 
 /// The state of a view that is one of two eyes, or may be.
 #[derive(Debug, Default)]
@@ -55,14 +58,10 @@ impl SplatView {
         let (buffers, uniforms) = (self.buffers.as_ref()?, self.chunk_uniforms.as_ref()?);
         let of = [&uniforms.buffer, &buffers.geometry_halves];
         if self.eyes.group.as_ref().is_none_or(|(last, _)| last.each_ref() != of) {
-            let one_chunk = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                buffer: &uniforms.buffer,
-                offset: 0,
-                size: wgpu::BufferSize::new(size_of::<SplatChunk>() as u64),
-            });
             let records = [&buffers.geometry_halves, &buffers.color_halves];
             let [geometry, color] = records.map(wgpu::Buffer::as_entire_binding);
-            let group = bind_group(device, "splat_second_eye", layout, &[one_chunk, geometry, color]);
+            let resources = [one_of::<SplatChunk>(&uniforms.buffer), geometry, color];
+            let group = bind_group(device, "splat_second_eye", layout, &resources);
             self.eyes.group = Some((of.map(wgpu::Buffer::clone), group));
         }
         self.eyes.group.as_ref().map(|(_, group)| group)

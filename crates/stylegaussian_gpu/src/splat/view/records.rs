@@ -3,7 +3,7 @@
 use stylegaussian_shaders::splat::{SplatChunk, SplatDraw};
 
 use crate::{
-    bindings::bind_group,
+    bindings::{bind_group, one_of},
     buffers,
     splat::{memory::HALF_RECORD, sort::SortBuffers, strokes::ViewStrokes, tiles::TileLists},
 };
@@ -71,15 +71,9 @@ impl ChunkUniforms {
         size: u64,
     ) -> Self {
         let buffer = buffers::uniforms(device, "splat_project_view", size);
-        // The binding covers one chunk; a dynamic offset selects which.
-        let one_chunk = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-            buffer: &buffer,
-            offset: 0,
-            size: wgpu::BufferSize::new(size_of::<SplatChunk>() as u64),
-        });
         let records = [&buffers.sort.keys, &buffers.geometry_halves, &buffers.color_halves];
         let [keys, geometry, color] = records.map(wgpu::Buffer::as_entire_binding);
-        let resources = [one_chunk, keys, geometry, color];
+        let resources = [one_of::<SplatChunk>(&buffer), keys, geometry, color];
         let group = bind_group(device, "splat_project_view", layout, &resources);
         Self { buffer, group }
     }
