@@ -27,7 +27,7 @@ use crate::{
 
 use super::{
     air::{CameraAir, GameLights},
-    pipelines::{Luts, SplatPipelines},
+    pipelines::{Luts, Part, SplatPipelines},
     view,
 };
 
@@ -141,7 +141,8 @@ pub(super) fn prepare_lights(
             Some(&tonemapping) => (view::method(tonemapping), extracted.color_grading.global.exposure),
             None => (splat::Tonemapping::None, 0.0),
         };
-        let is_ready = pipelines.request_light(device, *synchronous, tonemapping, shadows.is_some());
+        let part = Part::Light(tonemapping, shadows.is_some());
+        let is_ready = pipelines.request_part(device, *synchronous, part);
         let has_table = !tonemapping.needs_table()
             || pipelines.request_table(device, &queue, *synchronous, tonemapping, &luts);
         if is_ready && has_table {

@@ -23,17 +23,8 @@ use crate::work::{Background, SynchronousCompilation};
 #[derive(Resource, Default)]
 pub(super) struct SplatPipelines {
     passes: Option<Background<Arc<Passes>>>,
-    /// The kernel for clouds with a mask, which is a part of the passes.
-    masks: Option<Background<()>>,
-    /// The kernels of light before tonemappings, without shadows or with, which are parts of the passes.
-    lights: HashMap<(Tonemapping, bool), Background<()>>,
-    /// The kernels for two eyes, which are a part of the passes.
-    eyes: Option<Background<()>>,
-    /// The pipelines of layers of half the size, which are a part of the passes.
-    half: Option<Background<()>>,
+    parts: HashMap<Part, Background<()>>,
     draw: Option<Background<SplatPipeline>>,
-    /// The draw of strokes, which is a part of the passes and of the draw.
-    strokes: Option<Background<()>>,
     composites: HashMap<CompositeTarget, Background<CompositePipeline>>,
     /// Draws before tonemappings that make no number of black, by the format of the target.
     lifts: HashMap<TextureFormat, Background<LiftPipeline>>,
@@ -44,6 +35,21 @@ pub(super) struct SplatPipelines {
 pub(super) struct Passes {
     pub(super) splat: SplatPass,
     pub(super) composite: Composite,
+}
+
+/// A part of the passes that is compiled if a view needs it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Part {
+    /// The kernel for clouds with a mask.
+    Masks,
+    /// The kernels for two eyes.
+    Eyes,
+    /// The pipelines of layers of half the size.
+    Half,
+    /// The kernel of light before a tonemapping, without shadows or with.
+    Light(Tonemapping, bool),
+    /// The pipelines that draw strokes, of which one is a part of the draw.
+    Strokes,
 }
 
 /// The kind of image that the layer is composited over.
@@ -105,47 +111,32 @@ impl SplatPipelines {
         draw && composite
     }
 
-    /// Starts to compile the kernel for clouds with a mask. Returns whether it is ready.
-    pub(super) fn request_masks(
+    /// Starts to compile a part. Returns whether it is ready.
+    pub(super) fn request_part(
         &mut self,
         device: &wgpu::Device,
         synchronous: SynchronousCompilation,
+        part: Part,
     ) -> bool {
-        // Requested with the passes, so they are on their way.
+        // Both are requested for every view, so they are on their way.
         let Some(passes) = self.passes.as_ref().and_then(Background::get) else { return false };
-        let masks = self.masks.get_or_insert_with(|| {
-            let (passes, device) = (Arc::clone(passes), device.clone());
-            Background::start(synchronous, move || passes.splat.prepare_masks(&device))
+        let draw = self.draw.as_ref().and_then(Background::get);
+        if part == Part::Strokes && draw.is_none() {
+            return false;
+        }
+        let compiled = self.parts.entry(part).or_insert_with(|| {
+            let (passes, device, draw) = (Arc::clone(passes), device.clone(), draw.cloned());
+            Background::start(synchronous, move || match part {
+                Part::Masks => passes.splat.prepare_masks(&device),
+                Part::Eyes => passes.splat.prepare_eyes(&device),
+                Part::Half => passes.splat.prepare_half(&device),
+                Part::Light(tonemapping, shadowed) => {
+                    passes.splat.prepare_light(&device, tonemapping, shadowed);
+                }
+                Part::Strokes => passes.splat.prepare_strokes(&device, draw.as_slice()),
+            })
         });
-        masks.get().is_some()
-    }
-
-    /// Starts to compile the kernels for two eyes. Returns whether they are ready.
-    pub(super) fn request_eyes(
-        &mut self,
-        device: &wgpu::Device,
-        synchronous: SynchronousCompilation,
-    ) -> bool {
-        let Some(passes) = self.passes.as_ref().and_then(Background::get) else { return false };
-        let eyes = self.eyes.get_or_insert_with(|| {
-            let (passes, device) = (Arc::clone(passes), device.clone());
-            Background::start(synchronous, move || passes.splat.prepare_eyes(&device))
-        });
-        eyes.get().is_some()
-    }
-
-    /// Starts to compile the pipelines of layers of half the size. Returns whether they are ready.
-    pub(super) fn request_half(
-        &mut self,
-        device: &wgpu::Device,
-        synchronous: SynchronousCompilation,
-    ) -> bool {
-        let Some(passes) = self.passes.as_ref().and_then(Background::get) else { return false };
-        let half = self.half.get_or_insert_with(|| {
-            let (passes, device) = (Arc::clone(passes), device.clone());
-            Background::start(synchronous, move || passes.splat.prepare_half(&device))
-        });
-        half.get().is_some()
+        compiled.get().is_some()
     }
 
     /// Starts to compile the lift of targets of a format. Returns whether it is ready.
@@ -170,40 +161,7 @@ impl SplatPipelines {
 
     /// Whether the kernel for clouds with a mask is ready.
     pub(super) fn has_masks(&self) -> bool {
-        self.masks.as_ref().is_some_and(|masks| masks.get().is_some())
-    }
-
-    /// Starts to compile the kernel of light before `tonemapping`. Returns whether it is ready.
-    pub(super) fn request_light(
-        &mut self,
-        device: &wgpu::Device,
-        synchronous: SynchronousCompilation,
-        tonemapping: Tonemapping,
-        shadowed: bool,
-    ) -> bool {
-        // Requested for every view, so they are on their way.
-        let Some(passes) = self.passes.as_ref().and_then(Background::get) else { return false };
-        let light = self.lights.entry((tonemapping, shadowed)).or_insert_with(|| {
-            let (passes, device) = (Arc::clone(passes), device.clone());
-            Background::start(synchronous, move || passes.splat.prepare_light(&device, tonemapping, shadowed))
-        });
-        light.get().is_some()
-    }
-
-    /// Starts to compile the pipelines that draw strokes. Returns whether they are ready.
-    pub(super) fn request_strokes(
-        &mut self,
-        device: &wgpu::Device,
-        synchronous: SynchronousCompilation,
-    ) -> bool {
-        // Both are requested for every view, so they are on their way.
-        let Some(passes) = self.passes.as_ref().and_then(Background::get) else { return false };
-        let Some(draw) = self.draw.as_ref().and_then(Background::get) else { return false };
-        let strokes = self.strokes.get_or_insert_with(|| {
-            let (passes, device, draw) = (Arc::clone(passes), device.clone(), draw.clone());
-            Background::start(synchronous, move || passes.splat.prepare_strokes(&device, &[draw]))
-        });
-        strokes.get().is_some()
+        self.parts.get(&Part::Masks).is_some_and(|masks| masks.get().is_some())
     }
 
     /// Starts to build the table that inverts a tonemapping without a formula for its inverse. Returns whether
@@ -255,10 +213,8 @@ impl SplatPipelines {
     /// Number of pipelines and tables requested so far.
     #[cfg(test)]
     pub(super) fn n_requested(&self) -> usize {
-        let single = [&self.strokes, &self.masks, &self.eyes, &self.half].map(Option::is_some);
-        let single = single.into_iter().chain([self.draw.is_some()]);
-        let by_kind = [self.lights.len(), self.composites.len(), self.tables.len(), self.lifts.len()];
-        by_kind.iter().sum::<usize>() + single.filter(|&is_there| is_there).count()
+        let by_kind = [self.parts.len(), self.composites.len(), self.tables.len(), self.lifts.len()];
+        by_kind.iter().sum::<usize>() + usize::from(self.draw.is_some())
     }
 
     /// The pipelines for a layer over `target`, or `None` if they were not [requested](Self::request) or are

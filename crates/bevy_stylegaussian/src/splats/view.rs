@@ -22,8 +22,8 @@ use bevy::{
     },
 };
 use stylegaussian_gpu::splat::{
-    self, CompositeInput, CompositeMode, EdgeLayers, HalfLayer, LAYER_FORMAT, LiftPipeline, SplatPass,
-    SplatSettings, SplatView,
+    self, CompositeInput, CompositeMode, EdgeLayers, HalfLayer, LiftPipeline, SplatPass, SplatSettings,
+    SplatView,
 };
 
 use crate::{
@@ -37,7 +37,7 @@ use super::{
     camera::{SplatSortKey, SplatTonemapping},
     cuts::SplatCuts,
     eyes::{self, Pair, SplatEyes},
-    pipelines::{CompositeTarget, Luts, SplatPipelines},
+    pipelines::{CompositeTarget, Luts, Part, SplatPipelines},
 };
 
 /// The views that show splats, and their layers. Cameras draw one after the other, so views with targets of the
@@ -189,14 +189,18 @@ pub(super) fn prepare_views(
         let is_ready = pipelines.request(device, store, *synchronous, plan.composite);
         // New paintings wait for it, while the view shows the others. One that already is in other views keeps
         // this one waiting.
-        let draws_strokes = !strokes.wanted.strokes || pipelines.request_strokes(device, *synchronous);
+        let draws_strokes =
+            !strokes.wanted.strokes || pipelines.request_part(device, *synchronous, Part::Strokes);
         strokes.ready.0 &= draws_strokes;
         let is_ready = is_ready && (draws_strokes || !strokes.shown.has_strokes());
         // A cloud that shows before its mask's kernel is there would flash its hidden splats. One that is shown
         // already stays, and is hidden in part a few frames later.
         let is_ready = is_ready
-            && (masks.is_empty() || pipelines.request_masks(device, *synchronous) || view.layer.is_some());
-        let is_ready = is_ready && (!plan.settings.half_size || pipelines.request_half(device, *synchronous));
+            && (masks.is_empty()
+                || pipelines.request_part(device, *synchronous, Part::Masks)
+                || view.layer.is_some());
+        let is_ready = is_ready
+            && (!plan.settings.half_size || pipelines.request_part(device, *synchronous, Part::Half));
         let is_ready =
             is_ready && (!plan.lifts || pipelines.request_lift(device, *synchronous, plan.composite.format));
         all_ready.0 &= is_ready;
@@ -219,7 +223,7 @@ pub(super) fn prepare_views(
         });
         // Until the kernel is there, eyes are drawn one by one.
         pairs.extend(
-            eyes.filter(|_| pipelines.request_eyes(device, *synchronous))
+            eyes.filter(|_| pipelines.request_part(device, *synchronous, Part::Eyes))
                 .map(|&eyes| (extracted.retained_view_entity, eyes)),
         );
     }
@@ -329,19 +333,7 @@ impl Layer {
         if plan.composite.depth_samples > 1 {
             return Self { whole: Whole::Edges(Box::new(pass.edge_layers(device, plan.size))), half };
         }
-        let texture = device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("splat_layer"),
-            size: wgpu::Extent3d { width: plan.size.x, height: plan.size.y, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: LAYER_FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT
-                | wgpu::TextureUsages::TEXTURE_BINDING
-                | pass.layer_usages(),
-            view_formats: &[],
-        });
-        let color = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let color = pass.layer(device, plan.size);
         Self { whole: Whole::Single(color, plan.size), half }
     }
 

@@ -13,7 +13,7 @@ use super::{
     edges::{EdgeLayers, Edges},
     error::SplatError,
     half::Half,
-    layer::Layer,
+    layer::{LAYER_FORMAT, Layer},
     light::LightStage,
     project::Project,
     settings::SplatSettings,
@@ -23,7 +23,7 @@ use super::{
     tonemapping::Tonemapping,
     view::{Change, SplatView},
 };
-use crate::{bindings::compute_pass, device::is_software, strokes::StrokeStore};
+use crate::{bindings::compute_pass, device::is_software, drawing::attachment, strokes::StrokeStore};
 
 mod casters;
 mod depth;
@@ -117,7 +117,7 @@ impl SplatPass {
         self.edges.get_or_init(|| Edges::new(device));
     }
 
-    /// The draw into a target of [`LAYER_FORMAT`](super::LAYER_FORMAT) at `samples` samples; layers have one.
+    /// The draw into a target of [`LAYER_FORMAT`] at `samples` samples; layers have one.
     /// If `depth_format` is given, splats are tested against a depth attachment of that format (reverse z).
     pub fn pipeline(
         &self,
@@ -210,6 +210,11 @@ impl SplatPass {
             Some(_) => wgpu::TextureUsages::STORAGE_BINDING,
             None => wgpu::TextureUsages::empty(),
         }
+    }
+
+    /// The texture of a layer of `size` in pixels.
+    pub fn layer(&self, device: &wgpu::Device, size: UVec2) -> wgpu::TextureView {
+        attachment(device, "splat_layer", size, LAYER_FORMAT, self.layer_usages())
     }
 
     /// Clears a layer and draws `view` into it, within the camera's viewport, by the fastest way of the
