@@ -306,7 +306,7 @@ fn wanted(parts: &Parts, styles: &Styles, radius: f32) -> Vec<Option<(StyleVolum
             false => StyleVolume::new(Sphere { radius: half }),
         };
         let shape = shape.with_softness(volume.softness * half).with_priority((CHANNELS + i) as i32);
-        let shape = StyleVolume { strokes: volume.strokes, ..shape };
+        let shape = StyleVolume { strokes: volume.strokes.clone(), ..shape };
         Some((shape, styles.source_of(volume.style), Transform::from_translation(volume.center)))
     });
     channels.chain(volumes).collect()

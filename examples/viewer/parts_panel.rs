@@ -4,7 +4,7 @@ use bevy::math::Vec2;
 use bevy_egui::egui::{
     self, Button, Checkbox, Color32, ComboBox, Grid, Painter, Response, Slider, Stroke, Ui, pos2,
 };
-use bevy_stylegaussian::style::VolumeStrokes;
+use bevy_stylegaussian::style::{StrokeDirection, VolumeStrokes};
 use stylegaussian_app::Orbit;
 
 use crate::{
@@ -121,6 +121,7 @@ fn strokes(ui: &mut Ui, volume: &mut Volume) {
     ui.label("run");
     ui.horizontal(|ui| {
         for (direction, text) in crate::hand_panel::DIRECTIONS {
+            let direction = direction.map(StrokeDirection::Along);
             ui.selectable_value(&mut strokes.direction, direction, text);
         }
     });

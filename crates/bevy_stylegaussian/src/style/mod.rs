@@ -61,7 +61,7 @@ pub use wish::motion::StyleMotion;
 pub use wish::relief::{PaintLight, StyleRelief};
 pub use wish::settings::StyleMethod;
 pub use wish::source::{HiddenUntilStyled, StyleInput, StyleSource, WeightedStyle};
-pub use wish::strokes::{StrokeDirection, VolumeCurve, VolumeStrokes};
+pub use wish::strokes::{StrokeDirection, VolumeStrokes};
 
 pub(crate) use make::{
     beside::{Beside, PaintedBeside},

@@ -218,7 +218,7 @@ pub(crate) fn compose_layers(
                 found.extend(layer.map(|layer| ColorLayer { motion: source.motion.usual(), ..layer }));
             }
             // Captured colors have no strokes.
-            if let Some(strokes) = volume.strokes
+            if let Some(strokes) = &volume.strokes
                 && !found.is_empty()
             {
                 let factors = strokes.usual(&world_from_scene, at);

@@ -3,13 +3,13 @@
 use bevy::{math::Affine3A, prelude::*};
 use stylegaussian::{
     paint::Direction,
-    strokes::{MAX_CURVE_POINTS, StrokeCurve, StrokeFactors},
+    strokes::{StrokeCurve, StrokeFactors},
 };
 
 use crate::style::wish::motion::StyleMotion;
 
-/// The way in which the strokes of a [`StyleSource`](crate::StyleSource) run on the scene, in the entity's
-/// local space.
+/// The way in which strokes run on the scene, in the local space of the entity: that of a
+/// [`StyleSource`](crate::StyleSource), or of a [`StyleVolume`](crate::StyleVolume).
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[reflect(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -43,34 +43,6 @@ impl StrokeDirection {
     }
 }
 
-/// A line through up to eight points in a volume's own space, along which strokes run: see
-/// [`VolumeStrokes::with_curve`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Reflect)]
-#[reflect(Clone, Debug, Default, PartialEq)]
-pub struct VolumeCurve {
-    points: [Vec3; MAX_CURVE_POINTS],
-    n_points: u32,
-}
-
-impl From<&[Vec3]> for VolumeCurve {
-    /// Of more than eight points, evenly chosen ones count, the first and the last among them.
-    fn from(all: &[Vec3]) -> Self {
-        let n = all.len().min(MAX_CURVE_POINTS);
-        let mut points = [Vec3::ZERO; MAX_CURVE_POINTS];
-        for (i, point) in points[..n].iter_mut().enumerate() {
-            *point = all[i * (all.len() - 1) / (n - 1).max(1)];
-        }
-        Self { points, n_points: n as u32 }
-    }
-}
-
-impl VolumeCurve {
-    /// The points.
-    pub fn points(&self) -> &[Vec3] {
-        &self.points[..(self.n_points as usize).min(MAX_CURVE_POINTS)]
-    }
-}
-
 /// Changes of the strokes in a [`StyleVolume`](crate::StyleVolume), whatever their style. Factors multiply
 /// those of the cloud's [`StyleSource`](crate::StyleSource) and those of volumes below. A change is shown in
 /// the next frame and computes nothing.
@@ -89,7 +61,7 @@ impl VolumeCurve {
 /// commands.spawn(StyleVolume::new(Cuboid::new(1.0, 4.0, 1.0)).with_strokes(falling));
 /// # }
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
+#[derive(Clone, Debug, PartialEq, Reflect)]
 #[reflect(Clone, Debug, Default, PartialEq)]
 pub struct VolumeStrokes {
     /// Factor of [`StyleSource::paint`](crate::StyleSource::paint), 0 to 10.
@@ -105,12 +77,10 @@ pub struct VolumeStrokes {
     /// light of the cloud's [`StyleSource::relief`](crate::StyleSource::relief): by default, in that of the
     /// game's first directional light.
     pub added_relief: f32,
-    /// Direction of strokes in the volume's own space, of any length above 0; `None` for their own. Each spot's
-    /// paint is turned about the middle of the spot.
-    pub direction: Option<Vec3>,
-    /// A line in the volume's own space that strokes run along, in place of a direction: each spot's strokes
-    /// run as the line does where it is nearest. `None` for none.
-    pub curve: Option<VolumeCurve>,
+    /// Direction of strokes in the volume's own space; `None` for their own. Each spot's paint is turned about
+    /// the middle of the spot. Of a curve of more than eight points, evenly chosen ones count, the first and
+    /// the last among them. Points that do not differ, or are no numbers, change nothing.
+    pub direction: Option<StrokeDirection>,
     /// The way in which strokes move; `None` for their own.
     pub motion: Option<StyleMotion>,
 }
@@ -125,7 +95,6 @@ impl Default for VolumeStrokes {
             relief: 1.0,
             added_relief: 0.0,
             direction: None,
-            curve: None,
             motion: None,
         }
     }
@@ -158,16 +127,9 @@ impl VolumeStrokes {
         Self { added_relief, ..self }
     }
 
-    /// The same changes with strokes that run along a line through two to eight points, in the volume's own
-    /// space. If the last point is the first, the line is closed. Points that do not differ, or are no numbers,
-    /// change nothing.
-    pub fn with_curve(self, points: &[Vec3]) -> Self {
-        Self { curve: Some(points.into()), ..self }
-    }
-
-    /// The same changes with strokes that run along a direction, in the volume's own space.
-    pub fn with_direction(self, direction: Vec3) -> Self {
-        Self { direction: Some(direction), ..self }
+    /// The same changes with strokes that run along a direction or a curve, in the volume's own space.
+    pub fn with_direction(self, direction: impl Into<StrokeDirection>) -> Self {
+        Self { direction: Some(direction.into()), ..self }
     }
 
     /// The same changes with strokes that move.
@@ -179,21 +141,23 @@ impl VolumeStrokes {
     /// nothing.
     pub(crate) fn usual(&self, world_from_scene: &Affine3A, volume: &GlobalTransform) -> StrokeFactors {
         let scene_from_world = world_from_scene.inverse();
-        let points_in_scene = |curve: VolumeCurve| {
-            let points = curve.points().iter();
-            let points =
-                points.map(|&point| scene_from_world.transform_point3(volume.transform_point(point)));
-            StrokeCurve::new(&points.collect::<Vec<_>>())
-        };
         let in_scene = |direction: Vec3| world_from_scene.matrix3.inverse() * (volume.rotation() * direction);
+        let place = |&point: &Vec3| scene_from_world.transform_point3(volume.transform_point(point));
+        let (direction, curve) = match &self.direction {
+            None => (None, None),
+            Some(StrokeDirection::Along(direction)) => (Some(in_scene(*direction)), None),
+            Some(StrokeDirection::Curve(points)) => {
+                (None, StrokeCurve::new(&points.iter().map(place).collect::<Vec<_>>()))
+            }
+        };
         let factors = StrokeFactors {
             amount: self.paint,
             protection: self.protection,
             stroke_scale: self.stroke_scale,
             relief: self.relief,
             added_relief: self.added_relief,
-            direction: self.direction.map(in_scene),
-            curve: self.curve.and_then(points_in_scene),
+            direction,
+            curve,
             motion: self.motion.map(StyleMotion::usual),
         };
         factors.usual()
@@ -216,11 +180,11 @@ mod tests {
         let along_x = VolumeStrokes::default().with_direction(Vec3::X);
         assert!(along_x.usual(&Affine3A::IDENTITY, &turned).direction.unwrap().distance(Vec3::NEG_Z) < 1e-6);
         // Points have the place and the scale of the volume, too.
-        let curve = VolumeStrokes::default().with_curve(&[Vec3::ZERO, Vec3::NEG_Z, Vec3::ONE]);
+        let curve = VolumeStrokes::default().with_direction(vec![Vec3::ZERO, Vec3::NEG_Z, Vec3::ONE]);
         let found = curve.usual(&Affine3A::from_translation(Vec3::X), &volume).curve.unwrap();
         let expected = [Vec3::new(-1.0, 5.0, 0.0), Vec3::new(-1.0, 5.0, -3.0), Vec3::new(2.0, 8.0, 3.0)];
         assert!(found.points().iter().zip(expected).all(|(found, expected)| found.distance(expected) < 1e-5));
-        let none = VolumeStrokes::default().with_curve(&[Vec3::ONE]);
+        let none = VolumeStrokes::default().with_direction(vec![Vec3::ONE]);
         assert_eq!(none.usual(&place, &volume), StrokeFactors::NONE);
         for bad in [Vec3::ZERO, Vec3::NAN] {
             let strokes = VolumeStrokes::default().with_direction(bad).with_paint(f32::NAN);

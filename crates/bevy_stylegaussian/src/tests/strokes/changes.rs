@@ -49,18 +49,18 @@ fn volumes_change_the_strokes_that_are_there() {
     let colors: Vec<_> = painted.colors.iter().map(|&[r, g, b]| [r, g, b, 1.0]).collect();
     let ball = StyleVolume::new(Sphere::new(0.5)).with_softness(0.2);
     let none = StrokeFactors::NONE;
-    let usual = VolumeStrokes::default();
-    let volume = studio.app.world_mut().spawn(ball.clone().with_strokes(usual)).id();
+    let usual = VolumeStrokes::default;
+    let volume = studio.app.world_mut().spawn(ball.clone().with_strokes(usual())).id();
     studio.settle();
     assert!(distance(&studio.next(), &plain) < 1e-4);
     for (name, strokes, factors) in [
-        ("no paint", usual.with_paint(0.0), StrokeFactors { amount: 0.0, ..none }),
-        ("half of it", usual.with_paint(0.5), StrokeFactors { amount: 0.5, ..none }),
-        ("strong", usual.with_protection(0.0), StrokeFactors { protection: 0.0, ..none }),
-        ("large", usual.with_stroke_scale(2.0), StrokeFactors { stroke_scale: 2.0, ..none }),
+        ("no paint", usual().with_paint(0.0), StrokeFactors { amount: 0.0, ..none }),
+        ("half of it", usual().with_paint(0.5), StrokeFactors { amount: 0.5, ..none }),
+        ("strong", usual().with_protection(0.0), StrokeFactors { protection: 0.0, ..none }),
+        ("large", usual().with_stroke_scale(2.0), StrokeFactors { stroke_scale: 2.0, ..none }),
         (
             "upright",
-            usual.with_direction(Vec3::Y).with_paint(1.5),
+            usual().with_direction(Vec3::Y).with_paint(1.5),
             StrokeFactors { direction: Some(Vec3::Y), amount: 1.5, ..none },
         ),
     ] {
@@ -76,7 +76,7 @@ fn volumes_change_the_strokes_that_are_there() {
     }
     // A volume alone gives paint a thickness, in the light of the cloud's source. Then it has none again.
     studio.app.world_mut().get_mut::<StyleVolume>(volume).unwrap().strokes =
-        Some(usual.with_added_relief(2.0));
+        Some(usual().with_added_relief(2.0));
     studio.set(source.clone().with_relief(StyleRelief::lit_from(LIGHT).with_amount(0.0)));
     let lit = studio.next();
     assert!(distance(&lit, &plain) > 1e-4, "no relief");
@@ -88,12 +88,12 @@ fn volumes_change_the_strokes_that_are_there() {
         studio.app.world_mut().get_mut::<StyleVolume>(volume).unwrap().strokes = Some(strokes);
         studio.next()
     };
-    let along = set(usual.with_direction(Vec3::Y));
-    let on_line = set(usual.with_curve(&[Vec3::NEG_Y, Vec3::ZERO, Vec3::Y]));
+    let along = set(usual().with_direction(Vec3::Y));
+    let on_line = set(usual().with_direction(vec![Vec3::NEG_Y, Vec3::ZERO, Vec3::Y]));
     assert!(distance(&on_line, &along) < 1e-4 && distance(&on_line, &plain) > 1e-4);
     assert!(drain::<StyleApplied>(&mut studio.app).iter().all(|applied| applied.entity != studio.wall));
     // A mask that nobody painted steers nothing.
-    let painted_volume = StyleVolume { mask: Some(1), strokes: Some(usual.with_paint(0.0)), ..ball };
+    let painted_volume = StyleVolume { mask: Some(1), strokes: Some(usual().with_paint(0.0)), ..ball };
     *studio.app.world_mut().get_mut(volume).unwrap() = painted_volume.clone();
     assert!(distance(&studio.next(), &plain) < 1e-4);
     // Captured colors have no strokes.
