@@ -14,7 +14,7 @@ use crate::{
     mask::GaussianMask,
     splat::{
         Camera, CloudColors, CloudVisibility, GpuScene, SplatPass,
-        testing::{gpu, randoms, read},
+        testing::{drawn_depths, gpu, random_splats, randoms},
     },
 };
 
@@ -22,18 +22,7 @@ const SIZE: UVec2 = UVec2::new(77, 53);
 
 /// Splats of all shapes and opacities, some of them before the light.
 fn random_scene(n: usize) -> Scene {
-    let mut random = randoms(n as u64);
-    let mut scene = Scene::default();
-    for i in 0..n {
-        scene.means.push(Vec3::new(4.0 * random() - 2.0, 4.0 * random() - 2.0, 5.0 * random() - 0.5));
-        scene.scales.push(0.01 + 0.3 * Vec3::new(random(), random(), random()).powf(3.0));
-        let axis = Vec3::new(random() - 0.5, random() - 0.5, random() - 0.5);
-        scene.rotations.push(Quat::from_axis_angle(axis.normalize(), 6.0 * random()));
-        scene.opacities.push(random());
-        scene.order.push(i as u32);
-    }
-    scene.n_source = n;
-    scene
+    random_splats(n, Vec3::new(-2.0, -2.0, -0.5), Vec3::new(4.0, 4.0, 5.0), 0.3)
 }
 
 fn cloud(scene: &GpuScene) -> Cloud<'_> {
@@ -43,40 +32,7 @@ fn cloud(scene: &GpuScene) -> Cloud<'_> {
 
 /// The depths in a shadow map of [`SIZE`] that was cleared to `wall`, with the casters of `view` in it.
 fn drawn(gpu: &HeadlessDevice, pass: &SplatPass, view: &CastView, wall: f32) -> Vec<f32> {
-    let HeadlessDevice { device, queue, .. } = gpu;
-    let texture = device.create_texture(&wgpu::TextureDescriptor {
-        label: None,
-        size: wgpu::Extent3d { width: SIZE.x, height: SIZE.y, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: SHADOW_FORMAT,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-        view_formats: &[],
-    });
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-            view: &texture.create_view(&wgpu::TextureViewDescriptor::default()),
-            depth_ops: Some(wgpu::Operations {
-                load: wgpu::LoadOp::Clear(wall),
-                store: wgpu::StoreOp::Store,
-            }),
-            stencil_ops: None,
-        }),
-        ..Default::default()
-    });
-    pass.cast(&mut render, view);
-    drop(render);
-    let row = (4 * SIZE.x).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-    let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-    let buffer = buffers::create(device, "depths", u64::from(row * SIZE.y), usage);
-    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
-    let to = wgpu::TexelCopyBufferInfo { buffer: &buffer, layout };
-    encoder.copy_texture_to_buffer(texture.as_image_copy(), to, texture.size());
-    queue.submit([encoder.finish()]);
-    let rows: Vec<f32> = read(gpu, &buffer);
-    rows.chunks_exact(row as usize / 4).flat_map(|row| &row[..SIZE.x as usize]).copied().collect()
+    drawn_depths(gpu, (SIZE, 1), wall, |render| pass.cast(render, view))
 }
 
 /// Scenes with both filters, in one chunk and in several, without a mask and with one; a wall hides what is

@@ -1,6 +1,6 @@
 //! Iso depths against the CPU twin's, by each way, and what is written into depth attachments.
 
-use glam::{Affine3A, Quat, UVec2, Vec3};
+use glam::{Affine3A, UVec2, Vec3};
 use stylegaussian::{
     Scene,
     splat::{ISO_THRESHOLD, iso_depth},
@@ -10,8 +10,8 @@ use super::*;
 use crate::{
     device::HeadlessDevice,
     splat::{
-        Camera, Cloud, CloudColors, GpuScene, LAYER_FORMAT, Layer, SplatPass, SplatSettings,
-        testing::{gpu, randoms, read},
+        Camera, Cloud, CloudColors, GpuScene, Layer, SplatPass, SplatSettings,
+        testing::{drawn_depths, gpu, random_splats, read},
     },
 };
 
@@ -19,18 +19,7 @@ const SIZE: UVec2 = UVec2::new(77, 53);
 
 /// Splats of all shapes and opacities: faint ones, which have no core, and opaque ones.
 fn random_scene(n: usize) -> Scene {
-    let mut random = randoms(n as u64);
-    let mut scene = Scene::default();
-    for i in 0..n {
-        scene.means.push(Vec3::new(4.0 * random() - 2.0, 4.0 * random() - 2.0, 5.0 * random() - 0.5));
-        scene.scales.push(0.01 + 0.3 * Vec3::new(random(), random(), random()).powf(3.0));
-        let axis = Vec3::new(random() - 0.5, random() - 0.5, random() - 0.5);
-        scene.rotations.push(Quat::from_axis_angle(axis.normalize(), 6.0 * random()));
-        scene.opacities.push(random());
-        scene.order.push(i as u32);
-    }
-    scene.n_source = n;
-    scene
+    random_splats(n, Vec3::new(-2.0, -2.0, -0.5), Vec3::new(4.0, 4.0, 5.0), 0.3)
 }
 
 fn pinhole() -> stylegaussian::Camera {
@@ -113,48 +102,10 @@ fn gpu_matches_cpu() {
 /// A depth attachment of several samples, cleared to `wall`, with iso depths written into it; and its depths
 /// where they are single.
 fn written(gpu: &HeadlessDevice, pass: &SplatPass, iso: &IsoDepth, size: UVec2, wall: f32) -> Vec<f32> {
-    let HeadlessDevice { device, queue, .. } = gpu;
-    let mut depths = Vec::new();
-    for samples in [4, 1] {
-        let texture = device.create_texture(&wgpu::TextureDescriptor {
-            label: None,
-            size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: samples,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Depth32Float,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        });
-        let pipeline = pass.depth_pipeline(device, samples, wgpu::TextureFormat::Depth32Float);
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let mut render = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &texture.create_view(&wgpu::TextureViewDescriptor::default()),
-                depth_ops: Some(wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wall),
-                    store: wgpu::StoreOp::Store,
-                }),
-                stencil_ops: None,
-            }),
-            ..Default::default()
-        });
-        pass.write_depth(&mut render, iso, &pipeline);
-        drop(render);
-        let row = (4 * size.x).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-        let buffer = buffers::create(device, "depths", u64::from(row * size.y), usage);
-        if samples == 1 {
-            let layout =
-                wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
-            let to = wgpu::TexelCopyBufferInfo { buffer: &buffer, layout };
-            encoder.copy_texture_to_buffer(texture.as_image_copy(), to, texture.size());
-        }
-        queue.submit([encoder.finish()]);
-        let rows: Vec<f32> = read(gpu, &buffer);
-        depths =
-            rows.chunks_exact(row as usize / 4).flat_map(|row| &row[..size.x as usize]).copied().collect();
-    }
+    let [_, depths] = [4, 1].map(|samples| {
+        let pipeline = pass.depth_pipeline(&gpu.device, samples, wgpu::TextureFormat::Depth32Float);
+        drawn_depths(gpu, (size, samples), wall, |render| pass.write_depth(render, iso, &pipeline))
+    });
     depths
 }
 
@@ -201,17 +152,7 @@ fn depth_is_free_unless_it_is_asked_for() {
     let scene = GpuScene::new(device, &random_scene(100)).unwrap();
     let (pass, camera) = (SplatPass::new(device), Camera::pinhole(&pinhole()));
     let (mut view, mut iso) = (SplatView::new(), IsoDepth::new());
-    let color = device.create_texture(&wgpu::TextureDescriptor {
-        label: None,
-        size: wgpu::Extent3d { width: SIZE.x, height: SIZE.y, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: LAYER_FORMAT,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | pass.layer_usages(),
-        view_formats: &[],
-    });
-    let color = color.create_view(&wgpu::TextureViewDescriptor::default());
+    let color = pass.layer(device, SIZE);
     let pipeline = pass.pipeline(device, 1, None);
     let mut encoder = sorted(&gpu, &pass, &mut view, &camera, &scene);
     let layer = Layer { color: &color, depth: None };

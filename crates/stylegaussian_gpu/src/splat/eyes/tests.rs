@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use glam::{Affine3A, Mat4, Quat, UVec4, Vec3};
-use stylegaussian::{Scene, mask::MaskUse, scene::Sh, sh, splat::MIN_ALPHA};
+use stylegaussian::{Scene, mask::MaskUse, splat::MIN_ALPHA};
 use stylegaussian_shaders::splat::SplatCounts;
 
 use super::middle;
@@ -13,7 +13,7 @@ use crate::{
     splat::{
         Camera, Cloud, CloudColors, CloudVisibility, GpuScene, SortKey, SplatPass, SplatSettings, SplatView,
         camera::in_f64,
-        testing::{gpu, randoms, read},
+        testing::{gpu, random_scene, read},
     },
 };
 
@@ -93,22 +93,6 @@ fn check_order(scene: &Scene, place: &Affine3A, cameras: &[Camera; 2], sorted: &
         let [near, far] = [distance(pair[0]), distance(pair[1])];
         assert!(near <= far + 1e-5 * (1.0 + far), "{near} drawn over {far}");
     }
-}
-
-/// Gaussians around the origin, in and out of sight.
-fn random_scene(n: usize, seed: u64) -> Scene {
-    let mut random = randoms(seed);
-    let mut scene = Scene::default();
-    for _ in 0..n {
-        scene.means.push(8.0 * Vec3::new(random(), random(), random()) - 4.0);
-        scene.scales.push(0.003 + 0.4 * Vec3::new(random(), random(), random()).powf(4.0));
-        let axis = Vec3::new(random() - 0.5, random() - 0.5, random() - 0.5);
-        scene.rotations.push(Quat::from_axis_angle(axis.normalize(), 6.0 * random()));
-        scene.opacities.push(random().powi(2));
-    }
-    let coefficients = (0..n * 3 * sh::n_coefficients(1)).map(|_| random() - 0.5).collect();
-    scene.sh = Some(Sh { degree: 1, coefficients });
-    scene
 }
 
 /// Two eyes a unit apart, with off-axis projections, each with its part of the target, of a head that looks at
@@ -193,7 +177,7 @@ fn check(gpu: &HeadlessDevice, scene: &Scene, place: Affine3A, mask: Option<&Gau
 #[test]
 fn eyes_have_their_own_footprints_and_one_order() {
     let Some(gpu) = gpu() else { return };
-    let scene = random_scene(700, 3);
+    let scene = random_scene(700, 1, 3);
     check(&gpu, &scene, Affine3A::IDENTITY, None);
     let stretched = Affine3A::from_scale_rotation_translation(
         Vec3::new(0.5, 2.0, 1.2),
@@ -207,7 +191,7 @@ fn eyes_have_their_own_footprints_and_one_order() {
 #[test]
 fn eyes_see_through_masks() {
     let Some(gpu) = gpu() else { return };
-    let scene = random_scene(700, 4);
+    let scene = random_scene(700, 1, 4);
     let weights: Vec<[u8; 4]> =
         (0..scene.len()).map(|i| if i % 3 == 0 { [0; 4] } else { [255; 4] }).collect();
     let mask = GaussianMask::new(&gpu.device, &gpu.queue, &weights).unwrap();
@@ -218,7 +202,7 @@ fn eyes_see_through_masks() {
 #[test]
 fn the_eyes_of_a_moving_head_draw_by_one_list() {
     let Some(gpu) = gpu() else { return };
-    let scene = random_scene(300, 5);
+    let scene = random_scene(300, 1, 5);
     let on_gpu = GpuScene::in_chunks(&gpu.device, &scene, 128);
     let place = Affine3A::IDENTITY;
     let clouds =

@@ -6,7 +6,7 @@ use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4, Mat4, Quat, UV
 use stylegaussian::{
     Scene,
     mask::{MaskUse, Visibility},
-    scene::{ScreenFilter, Sh},
+    scene::ScreenFilter,
     sh,
 };
 use stylegaussian_shaders::splat::SplatCounts;
@@ -18,7 +18,7 @@ use crate::{
     splat::{
         Camera, Cloud, CloudColors, CloudVisibility, GpuScene, SortKey, SplatPass, SplatSettings, SplatView,
         camera::in_f64,
-        testing::{gpu, randoms, read},
+        testing::{gpu, random_scene, randoms, read},
         view::Change,
     },
 };
@@ -117,21 +117,6 @@ fn color(camera: &Camera, place: &Affine3A, is_perspective: bool, scene: &Scene,
     let sh = scene.sh.as_ref().unwrap();
     let n = 3 * sh::n_coefficients(sh.degree);
     sh::evaluate(sh.degree, &sh.coefficients[i * n..(i + 1) * n], ray.normalize().as_vec3())
-}
-
-fn random_scene(n: usize, degree: u8, seed: u64) -> Scene {
-    let mut random = randoms(seed);
-    let mut scene = Scene::default();
-    for _ in 0..n {
-        scene.means.push(8.0 * Vec3::new(random(), random(), random()) - 4.0);
-        scene.scales.push(0.003 + 0.4 * Vec3::new(random(), random(), random()).powf(4.0));
-        let axis = Vec3::new(random() - 0.5, random() - 0.5, random() - 0.5);
-        scene.rotations.push(Quat::from_axis_angle(axis.normalize(), 6.0 * random()));
-        scene.opacities.push(random().powi(2));
-    }
-    let coefficients = (0..n * 3 * sh::n_coefficients(degree)).map(|_| random() - 0.5).collect();
-    scene.sh = Some(Sh { degree, coefficients });
-    scene
 }
 
 /// Indices of the visible records in order, and all records.

@@ -1,6 +1,6 @@
 //! The lists against the pixels themselves, in f64.
 
-use glam::{Affine3A, DVec2, Mat4, Quat, Vec3};
+use glam::{Affine3A, DVec2, Mat4, Vec3};
 use stylegaussian::Scene;
 use stylegaussian_shaders::splat::SplatCounts;
 
@@ -9,24 +9,13 @@ use crate::{
     device::HeadlessDevice,
     splat::{
         Camera, Cloud, CloudColors, GpuScene, SplatPass, SplatSettings, SplatView,
-        testing::{gpu, randoms, read},
+        testing::{gpu, random_splats, read},
     },
 };
 
 /// Splats of all shapes and opacities in front of the camera and beside its picture.
 fn random_scene(n: usize) -> Scene {
-    let mut random = randoms(n as u64);
-    let mut scene = Scene::default();
-    for i in 0..n {
-        scene.means.push(Vec3::new(4.0 * random() - 2.0, 4.0 * random() - 2.0, -1.0 - 3.0 * random()));
-        scene.scales.push(0.01 + 0.4 * Vec3::new(random(), random(), random()).powf(3.0));
-        let axis = Vec3::new(random() - 0.5, random() - 0.5, random() - 0.5);
-        scene.rotations.push(Quat::from_axis_angle(axis.normalize(), 6.0 * random()));
-        scene.opacities.push(random());
-        scene.order.push(i as u32);
-    }
-    scene.n_source = n;
-    scene
+    random_splats(n, Vec3::new(-2.0, -2.0, -1.0), Vec3::new(4.0, 4.0, -3.0), 0.4)
 }
 
 /// The parts of a record that determine alpha.
