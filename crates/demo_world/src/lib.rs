@@ -27,9 +27,6 @@ const SH_0: f32 = 0.282_094_79;
 /// The point to look at, in scene units.
 pub const CENTER: Vec3 = Vec3::ZERO;
 
-/// Distance of a turntable's cameras from [`CENTER`] for a vertical angle of 40 degrees, in scene units.
-pub const ORBIT_RADIUS: f32 = 11.2;
-
 /// Paints everything, in a fixed order. Water comes late, since it mirrors the things around it.
 pub fn paint_island() -> Canvas {
     let mut canvas = Canvas::default();

@@ -6,8 +6,7 @@ pub mod product;
 
 pub use activation::{Activation, ActivationError};
 pub use knn_conv::{
-    KnnConvShape, ReverseNeighbors, knn_conv, knn_conv_backward_bias, knn_conv_backward_input,
-    knn_conv_backward_weight,
+    KnnConvShape, ReverseNeighbors, knn_conv, knn_conv_backward_input, knn_conv_backward_weight,
 };
 
 use rayon::prelude::*;

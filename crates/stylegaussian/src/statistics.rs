@@ -95,15 +95,10 @@ pub fn mean_latent(features: &Features) -> Vec<f64> {
     mean
 }
 
-/// Unbiased Cov(f') `[L, L]` in f64, or zeros if N <= 1.
+/// Unbiased Cov(f') `[L, L]` in f64, or zeros if N <= 1, with mean(f') `[L]`, in [slices](crate::slices).
 ///
 /// Blocks of rows are centered and multiplied in f64, then added in order, so the result does not depend on the
 /// number of threads.
-pub fn covariance_latent(features: &Features) -> Vec<f64> {
-    at_once(covariance_in_slices(features, &mean_latent(features), &mut || ready(())))
-}
-
-/// [`covariance_latent`] in [slices](crate::slices), with mean(f') `[L]`.
 async fn covariance_in_slices<P: Future<Output = ()>>(
     features: &Features,
     mean: &[f64],

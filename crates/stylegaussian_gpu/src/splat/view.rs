@@ -236,12 +236,6 @@ impl SplatView {
         Some((&mut self.lit, LightBuffers { keys: &sort.keys, geometry_halves, color_halves, strokes }))
     }
 
-    /// The buffer of this view's counts on the GPU: `u32` records, `u32` visible splats. It can be copied from.
-    /// `None` before the first frame that shows something.
-    pub fn counts_buffer(&self) -> Option<&wgpu::Buffer> {
-        self.buffers.as_ref().map(|buffers| &buffers.sort.counts)
-    }
-
     /// Starts a frame that shows nothing yet.
     pub(super) fn clear(&mut self) {
         self.viewport = None;
