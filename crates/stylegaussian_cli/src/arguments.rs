@@ -109,13 +109,16 @@ pub fn pictures_per_second(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "expected a number from 0.1 to 1000".into())
 }
 
+/// Numbers with commas between them.
+pub fn numbers<const N: usize>(text: &str) -> Option<[f32; N]> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    numbers?.try_into().ok()
+}
+
 /// A direction as in `0,-1,0`, of any length but 0.
 pub fn direction(text: &str) -> Result<Vec3, String> {
-    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    match numbers.as_deref() {
-        Some(&[x, y, z]) if Vec3::new(x, y, z).try_normalize().is_some() => Ok(Vec3::new(x, y, z)),
-        _ => Err("expected X,Y,Z in the scene's space, not all 0, as in 0,-1,0".into()),
-    }
+    let direction = numbers(text).map(Vec3::from_array).filter(|v| v.try_normalize().is_some());
+    direction.ok_or_else(|| "expected X,Y,Z in the scene's space, not all 0, as in 0,-1,0".into())
 }
 
 /// A number from 1 to 16: how many times as many Gaussians splitting may give.
@@ -153,47 +156,40 @@ pub fn picture_size(text: &str) -> Result<UVec2, String> {
 /// An area of an image as in `0,0.25,1,0.5`: left edge, top edge, width and height as shares of the sides. Its
 /// left, top, right and bottom edges.
 pub fn area(text: &str) -> Result<[f32; 4], String> {
-    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    match numbers.as_deref() {
-        Some(&[x, y, width, height])
-            if [x, y].iter().all(|at| (0.0..1.0).contains(at))
-                && width > 0.0
-                && height > 0.0
-                && x + width <= 1.0
-                && y + height <= 1.0 =>
-        {
-            Ok([x, y, x + width, y + height])
-        }
-        _ => {
-            Err("expected X,Y,WIDTH,HEIGHT as shares of the sides, within 0 to 1, as in 0,0.25,1,0.5".into())
-        }
-    }
+    let is_within = |&[x, y, width, height]: &[f32; 4]| {
+        let starts_within = [x, y].iter().all(|at| (0.0..1.0).contains(at));
+        starts_within && width > 0.0 && height > 0.0 && x + width <= 1.0 && y + height <= 1.0
+    };
+    let area = numbers(text).filter(is_within).map(|[x, y, width, height]| [x, y, x + width, y + height]);
+    area.ok_or_else(|| {
+        "expected X,Y,WIDTH,HEIGHT as shares of the sides, within 0 to 1, as in 0,0.25,1,0.5".into()
+    })
 }
 
 /// A ball as in `1.5,0,-2,3`: its center and its radius, in scene units.
 pub fn frame(text: &str) -> Result<Frame, String> {
-    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    match numbers.as_deref() {
-        Some(&[x, y, z, radius]) if Vec3::new(x, y, z).is_finite() && radius.is_finite() && radius > 0.0 => {
-            Ok(Frame { center: Vec3::new(x, y, z), radius })
-        }
-        _ => Err("expected X,Y,Z,RADIUS in the scene's units, the radius above 0, as in 1.5,0,-2,3".into()),
-    }
+    let frame = numbers(text).map(|[x, y, z, radius]| Frame { center: Vec3::new(x, y, z), radius });
+    let is_ball = |ball: &Frame| ball.center.is_finite() && ball.radius.is_finite() && ball.radius > 0.0;
+    frame.filter(is_ball).ok_or_else(|| {
+        "expected X,Y,Z,RADIUS in the scene's units, the radius above 0, as in 1.5,0,-2,3".into()
+    })
 }
 
-/// `transparent`, or a color as `RRGGBB` or `#RRGGBB`.
-pub fn background(text: &str) -> Result<Background, String> {
-    if text == "transparent" {
-        return Ok(Background::Transparent);
-    }
+/// A color as `RRGGBB` or `#RRGGBB`.
+pub fn rgb(text: &str) -> Option<[u8; 3]> {
     let digits = text.strip_prefix('#').unwrap_or(text);
-    match u32::from_str_radix(digits, 16) {
-        // `from_str_radix` takes a sign, which would pass as a digit.
-        Ok(rgb) if digits.len() == 6 && !digits.starts_with('+') => {
-            let [_, r, g, b] = rgb.to_be_bytes();
-            Ok(Background::Color([r, g, b]))
-        }
-        _ => Err("expected `transparent` or six hexadecimal digits RRGGBB".into()),
+    // `from_str_radix` takes a sign, which would pass as a digit.
+    let is_color = digits.len() == 6 && digits.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let [_, r, g, b] = u32::from_str_radix(digits, 16).ok().filter(|_| is_color)?.to_be_bytes();
+    Some([r, g, b])
+}
+
+/// `transparent`, or a color as [`rgb`] takes it.
+pub fn background(text: &str) -> Result<Background, String> {
+    match rgb(text) {
+        Some(rgb) => Ok(Background::Color(rgb)),
+        None if text == "transparent" => Ok(Background::Transparent),
+        None => Err("expected `transparent` or six hexadecimal digits RRGGBB".into()),
     }
 }
 

@@ -17,7 +17,7 @@ use stylegaussian_encoder::{Image, paint_of};
 use stylegaussian_files::{read_paint, read_pins};
 
 use crate::{
-    arguments::{area, fraction},
+    arguments::{area, fraction, numbers, rgb},
     choose::open_painting,
     terminal::usage_error,
 };
@@ -182,6 +182,7 @@ fn direction_of(points: &[Vec3]) -> Direction<'_> {
 /// Points, or those of a file.
 fn stroke_direction(text: &str) -> Result<Vec<Vec3>> {
     let named = format!("--stroke-direction {text}");
+    let point = |text: &str| numbers(text).map(Vec3::from_array);
     let given = text.split_whitespace().map(point).collect::<Option<Vec<_>>>();
     let (points, name) = match given.filter(|points| !points.is_empty()) {
         Some(points) => (points, named),
@@ -200,20 +201,9 @@ fn stroke_direction(text: &str) -> Result<Vec<Vec3>> {
     Ok(points)
 }
 
-/// A point as `X,Y,Z`.
-fn point(text: &str) -> Option<Vec3> {
-    let numbers = text.split(',').map(|number| number.parse().ok()).collect::<Option<Vec<f32>>>()?;
-    <[f32; 3]>::try_from(numbers).ok().map(Vec3::from_array)
-}
-
-/// A color as `RRGGBB` or `#RRGGBB`.
+/// A color as `RRGGBB` or `#RRGGBB`, with spaces around it or not.
 fn color(text: &str) -> Option<[f32; 3]> {
-    let digits = text.trim().strip_prefix('#').unwrap_or(text.trim());
-    if digits.len() != 6 || !digits.bytes().all(|byte| byte.is_ascii_hexdigit()) {
-        return None;
-    }
-    let [_, r, g, b] = u32::from_str_radix(digits, 16).ok()?.to_be_bytes();
-    Some([r, g, b].map(|byte| f32::from(byte) / 255.0))
+    rgb(text.trim()).map(|rgb| rgb.map(|byte| f32::from(byte) / 255.0))
 }
 
 #[cfg(test)]
