@@ -89,13 +89,4 @@ mod tests {
     fn the_arguments_are_consistent() {
         Cli::command().debug_assert();
     }
-
-    /// Renamed flags keep their old names.
-    #[test]
-    fn old_flags_still_work() {
-        let words = ["stylegaussian", "train", "a.sgs", "--styles", "d", "-o", "b"];
-        let old =
-            ["--recognition-weight", "1", "--palette-weight", "2", "--smooth", "3", "--own-color", "false"];
-        assert!(Cli::try_parse_from(words.into_iter().chain(old)).is_ok());
-    }
 }

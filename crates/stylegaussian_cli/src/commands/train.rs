@@ -101,12 +101,7 @@ pub struct TrainArgs {
     range_weight: f32,
     /// Factor of the color-transfer loss: the mean distance of colors, over squares of 16 pixels, from the
     /// recolored scene's. It keeps the palette that the warm start has learned. Not in the paper.
-    #[arg(
-        long,
-        alias = "palette-weight",
-        value_name = "W",
-        default_value_t = LossWeights::default().color_transfer,
-    )]
+    #[arg(long, value_name = "W", default_value_t = LossWeights::default().color_transfer)]
     color_transfer_weight: f32,
     /// Factor of a penalty on the mean squared distance of a Gaussian's decoded color from its neighbors', for
     /// decoders with smoothing. It favors strokes over grain. Not in the paper.
@@ -114,12 +109,7 @@ pub struct TrainArgs {
     roughness_weight: f32,
     /// Factor of the contrastive loss: the cross-entropy of matching the picture to its own painting among
     /// others. It makes styles more distinct. Not in the paper.
-    #[arg(
-        long,
-        alias = "recognition-weight",
-        value_name = "W",
-        default_value_t = LossWeights::default().contrastive,
-    )]
+    #[arg(long, value_name = "W", default_value_t = LossWeights::default().contrastive)]
     contrastive_weight: f32,
     /// Layers that the content loss compares: relu4_1 as in the original implementation, or
     /// relu1_1,relu2_1,relu3_1,relu4_1 as in the paper's text. Default: relu4_1, or relu3_1 if no weights reach
@@ -152,7 +142,7 @@ pub struct TrainArgs {
     noise: Option<usize>,
     /// Smoothing passes over the decoded colors, which make views agree. Default: as in `--init`, else 1. The
     /// paper has none.
-    #[arg(long, alias = "smooth", value_name = "N", value_parser = at_most_64::<0>)]
+    #[arg(long, value_name = "N", value_parser = at_most_64::<0>)]
     smoothing: Option<usize>,
     /// Share of the base color in the final color, at least 0 and less than 1. The decoder gives the rest.
     /// Default: as in `--init`, else 0 (as in the paper).
@@ -161,7 +151,6 @@ pub struct TrainArgs {
     /// Whether a new decoder sees each Gaussian's base color, which keeps fine detail. Not in the paper.
     #[arg(
         long,
-        alias = "own-color",
         value_name = "BOOL",
         default_value_t = NewDecoder::default().base_color,
         action = clap::ArgAction::Set,
