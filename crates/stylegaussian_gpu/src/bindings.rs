@@ -35,6 +35,22 @@ pub(crate) fn one_of<T>(buffer: &wgpu::Buffer) -> wgpu::BindingResource<'_> {
     wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })
 }
 
+/// Bytes from one `T` of such a buffer to the next one: its size, and a multiple of the coarsest alignment of
+/// dynamic offsets that a device may ask for.
+pub(crate) const fn stride<T>() -> usize {
+    size_of::<T>().next_multiple_of(256)
+}
+
+/// The bytes of such a buffer.
+pub(crate) fn at_strides<T: bytemuck::Pod>(uniforms: impl IntoIterator<Item = T>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for one in uniforms {
+        bytes.extend_from_slice(bytemuck::bytes_of(&one));
+        bytes.resize(bytes.len().next_multiple_of(stride::<T>()), 0);
+    }
+    bytes
+}
+
 /// The binding of a texture with one sample per texel.
 pub(crate) fn texture_binding(
     sample_type: wgpu::TextureSampleType,

@@ -14,8 +14,8 @@ use stylegaussian_shaders::{
 
 use crate::{
     bindings::{
-        bind_group, compute_pass, compute_pipeline, group_layout, one_of, pipeline_layout, storage_binding,
-        uniforms_binding,
+        at_strides, bind_group, compute_pass, compute_pipeline, group_layout, one_of, pipeline_layout,
+        storage_binding, stride, uniforms_binding,
     },
     buffers,
     colors::GaussianColors,
@@ -153,8 +153,8 @@ impl LayerMixer {
             })
             .collect();
         let mut pool = self.pool.lock().unwrap_or_else(PoisonError::into_inner);
-        let [uniforms, blocks] =
-            pool.next(device, queue, [&at_offsets(&stacks), bytemuck::cast_slice(&blocks)]);
+        let uniforms = at_strides(stacks.iter().map(|stack| stack.uniforms));
+        let [uniforms, blocks] = pool.next(device, queue, [&uniforms, bytemuck::cast_slice(&blocks)]);
         let mut pass = compute_pass(encoder, "mix_layers");
         for (i, (dispatch, stack)) in dispatches.iter().zip(&stacks).enumerate() {
             let gaussians = &scene.chunks()[dispatch.chunk].gaussians;
@@ -166,7 +166,7 @@ impl LayerMixer {
             let has_noise = stack.uniforms.layers.iter().any(|layer| layer.shape == shaders::SHAPE_NOISE);
             pass.set_pipeline(&pipelines[usize::from(has_noise)]);
             let group = bind_group(device, "mix_layers", &self.layout, &resources);
-            pass.set_bind_group(0, &group, &[(i * OFFSET) as u32]);
+            pass.set_bind_group(0, &group, &[(i * stride::<MixStack>()) as u32]);
             // Workgroups beyond the limit go into a second dimension.
             let n = (dispatch.blocks.len() as u32).div_ceil(shaders::MIX_WORKGROUP / shaders::MIX_BLOCK);
             let x = n.min(MAX_WORKGROUPS);
@@ -232,19 +232,6 @@ impl<'a> Stack<'a> {
         let mask = layers.iter().find_map(|(layer, _)| layer.mask.map(|(mask, _)| mask));
         Self { uniforms, looks, mask }
     }
-}
-
-/// Distance of uniforms in their buffer: their size, and a multiple of the largest alignment that a device may
-/// ask for.
-const OFFSET: usize = size_of::<MixStack>().next_multiple_of(256);
-
-/// Uniforms as they lie in their buffer.
-fn at_offsets(stacks: &[Stack]) -> Vec<u8> {
-    let mut bytes = vec![0; OFFSET * stacks.len()];
-    for (place, stack) in bytes.chunks_exact_mut(OFFSET).zip(stacks) {
-        place[..size_of::<MixStack>()].copy_from_slice(bytemuck::bytes_of(&stack.uniforms));
-    }
-    bytes
 }
 
 impl Pool {

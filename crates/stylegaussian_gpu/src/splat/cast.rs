@@ -22,7 +22,8 @@ use super::{
 };
 use crate::{
     bindings::{
-        bind_group, group_layout, one_of, pipeline_layout, shader_module, storage_binding, uniforms_binding,
+        at_strides, bind_group, group_layout, one_of, pipeline_layout, shader_module, storage_binding,
+        stride, uniforms_binding,
     },
     buffers,
     drawing::{Drawing, depth_state, set_viewport},
@@ -33,10 +34,6 @@ mod tests;
 
 /// The format of shadow maps.
 pub const SHADOW_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
-
-/// Bytes from one chunk's uniforms to the next one's: their size, and a multiple of the coarsest alignment of
-/// dynamic offsets that a device may ask for.
-const STRIDE: usize = size_of::<SplatChunk>().next_multiple_of(256);
 
 /// A cloud that casts shadows.
 #[derive(Clone, Copy, Debug)]
@@ -125,7 +122,7 @@ impl Cast {
             return Ok(());
         }
         view.viewport = camera.viewport;
-        let mut bytes = Vec::with_capacity(view.written.len());
+        let mut uniforms = Vec::new();
         for Caster { cloud, threshold } in casters.iter().filter(|caster| caster.cloud.is_drawable()) {
             let cuts = SplatCuts { least_opacity: cast_threshold(*threshold), ..SplatCuts::default() };
             let settings = SplatSettings { near, cuts, ..SplatSettings::default() };
@@ -138,9 +135,7 @@ impl Cast {
             let mask = cloud.mask().map(|visibility| visibility.mask.buffer.clone());
             for chunk in cloud.scene.chunks() {
                 let (n_gaussians, first_gaussian) = (chunk.n_gaussians, chunk.first);
-                let uniforms = SplatChunk { n_gaussians, first_gaussian, ..of_cloud };
-                bytes.extend_from_slice(bytemuck::bytes_of(&uniforms));
-                bytes.resize(bytes.len().next_multiple_of(STRIDE), 0);
+                uniforms.push(SplatChunk { n_gaussians, first_gaussian, ..of_cloud });
                 let gaussians = chunk.gaussians.clone();
                 let is_bound = |last: &&CastChunk| last.gaussians == gaussians && last.mask == mask;
                 let group = match last.iter().find(is_bound) {
@@ -150,6 +145,7 @@ impl Cast {
                 view.chunks.push(CastChunk { gaussians, mask: mask.clone(), n_gaussians, group });
             }
         }
+        let bytes = at_strides(uniforms);
         let size = bytes.len() as u64;
         if size > 0 && view.uniforms.as_ref().is_none_or(|(buffer, _)| buffer.size() < size) {
             let buffer = buffers::uniforms(device, "splat_cast", size);
@@ -187,7 +183,7 @@ impl Cast {
             // Compiled when the chunk was bound.
             let Some(variant) = self.variants[usize::from(chunk.mask.is_some())].get() else { continue };
             pass.set_pipeline(&variant.pipeline);
-            pass.set_bind_group(0, uniforms, &[(i * STRIDE) as u32]);
+            pass.set_bind_group(0, uniforms, &[(i * stride::<SplatChunk>()) as u32]);
             pass.set_bind_group(1, &chunk.group, &[]);
             pass.draw(0..4, 0..chunk.n_gaussians);
         }

@@ -25,8 +25,8 @@ use super::{
 };
 use crate::{
     bindings::{
-        bind_group, compute_pass, compute_pipeline, group_layout, one_of, pipeline_layout, shader_module,
-        storage_binding, uniform_binding, uniforms_binding,
+        at_strides, bind_group, compute_pass, compute_pipeline, group_layout, one_of, pipeline_layout,
+        shader_module, storage_binding, stride, uniform_binding, uniforms_binding,
     },
     buffers,
     drawing::{Drawing, depth_state, set_viewport},
@@ -37,10 +37,6 @@ mod slices;
 mod tests;
 
 use slices::{Slices, ViewSlices};
-
-/// Bytes from one slice's uniforms to the next one's: the coarsest alignment of dynamic offsets that a device
-/// may ask for.
-const UNIFORM_STRIDE: usize = 256;
 
 /// The pipelines, made when a view asks for depth.
 #[derive(Debug)]
@@ -156,7 +152,8 @@ impl Made {
         }
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
         let depths = buffers::create(device, "splat_iso_depths", size, usage);
-        let uniforms = buffers::uniforms(device, "splat_depth", (UNIFORM_STRIDE * N_SLICES as usize) as u64);
+        let uniforms =
+            buffers::uniforms(device, "splat_depth", (stride::<SplatIso>() * N_SLICES as usize) as u64);
         let group = |layout| {
             let resources = [one_of::<SplatIso>(&uniforms), depths.as_entire_binding()];
             bind_group(device, "splat_depth", layout, &resources)
@@ -181,12 +178,8 @@ impl Made {
         let viewport = self.viewport.as_vec4().to_array();
         let place = self.picture().xy().as_vec2().to_array();
         let step = if self.half_of.is_some() { 2.0 } else { 1.0 };
-        let mut bytes = vec![0; UNIFORM_STRIDE * N_SLICES as usize];
-        for (slice, bytes) in (0..).zip(bytes.chunks_exact_mut(UNIFORM_STRIDE)) {
-            let contents = SplatIso { viewport, place, step, threshold, slice, ..SplatIso::zeroed() };
-            bytes[..size_of::<SplatIso>()].copy_from_slice(bytemuck::bytes_of(&contents));
-        }
-        queue.write_buffer(&self.uniforms, 0, &bytes);
+        let of_slice = |slice| SplatIso { viewport, place, step, threshold, slice, ..SplatIso::zeroed() };
+        queue.write_buffer(&self.uniforms, 0, &at_strides((0..N_SLICES).map(of_slice)));
     }
 }
 
@@ -270,7 +263,7 @@ impl Depth {
                     made.slices = Some(ViewSlices::new(device, slices, sorted, viewport.zw(), buffers));
                 }
                 if let Some(of_view) = &made.slices {
-                    slices.encode(encoder, of_view, source.bind_group, &made.read, UNIFORM_STRIDE);
+                    slices.encode(encoder, of_view, source.bind_group, &made.read);
                 }
             }
         }

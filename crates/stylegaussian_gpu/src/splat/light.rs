@@ -21,7 +21,8 @@ use super::{
 };
 use crate::{
     bindings::{
-        Kernel, bind_group, one_of, storage_binding, texture_binding, uniform_binding, uniforms_binding,
+        Kernel, at_strides, bind_group, one_of, storage_binding, stride, texture_binding, uniform_binding,
+        uniforms_binding,
     },
     buffers,
 };
@@ -50,10 +51,6 @@ pub struct ViewLight {
     /// stay.
     pub table: Option<InverseTable>,
 }
-
-/// Bytes from one cloud's uniforms to the next one's: their size, and a multiple of the coarsest alignment of
-/// dynamic offsets that a device may ask for.
-const STRIDE: usize = size_of::<SplatLight>().next_multiple_of(256);
 
 /// The pipelines.
 #[derive(Debug, Default)]
@@ -179,12 +176,7 @@ impl LightStage {
         if !view.now.clouds.is_empty() {
             self.bind(device, view, buffers);
             if let Some(uniforms) = view.uniforms.as_ref().filter(|_| is_relit || is_new) {
-                let mut staging = Vec::with_capacity(view.now.clouds.len() * STRIDE);
-                for cloud in &view.now.clouds {
-                    staging.extend_from_slice(bytemuck::bytes_of(cloud));
-                    staging.resize(staging.len().next_multiple_of(STRIDE), 0);
-                }
-                queue.write_buffer(uniforms, 0, &staging);
+                queue.write_buffer(uniforms, 0, &at_strides(view.now.clouds.iter().copied()));
             }
             if let (Some((_, shadows)), Some(buffer)) = (&view.now.shadows, &view.shadow_uniforms) {
                 queue.write_buffer(buffer, 0, bytemuck::bytes_of(shadows));
@@ -195,7 +187,7 @@ impl LightStage {
     }
 
     fn bind(&self, device: &wgpu::Device, view: &mut LitView, bound: &LightBuffers) {
-        let size = (STRIDE * view.now.clouds.len()) as u64;
+        let size = (stride::<SplatLight>() * view.now.clouds.len()) as u64;
         let uniforms = match view.uniforms.take().filter(|uniforms| uniforms.size() >= size) {
             Some(uniforms) => uniforms,
             None => buffers::uniforms(device, "splat_light", size),
@@ -239,7 +231,7 @@ impl LightStage {
         let kernel = self.kernel(device, view.now.tonemapping, view.now.shadows.is_some());
         pass.set_pipeline(&kernel.pipeline);
         for (i, cloud) in view.now.clouds.iter().enumerate() {
-            pass.set_bind_group(0, group, &[(i * STRIDE) as u32]);
+            pass.set_bind_group(0, group, &[(i * stride::<SplatLight>()) as u32]);
             dispatch(pass, cloud.n_records);
         }
     }

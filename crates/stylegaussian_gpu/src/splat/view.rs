@@ -19,7 +19,7 @@ use super::{
     strokes::{StrokeStage, ViewStrokes},
     tiles::{TileLists, Tiles},
 };
-use crate::buffers::TooLarge;
+use crate::{bindings::stride, buffers::TooLarge};
 
 mod eyes;
 mod fades;
@@ -31,9 +31,8 @@ use eyes::EyeState;
 use fades::Fades;
 use records::{ChunkUniforms, ViewBuffers};
 
-/// Bytes from one chunk's uniforms to the next one's: their size, and a multiple of the coarsest alignment of
-/// dynamic offsets that a device may ask for.
-const UNIFORM_STRIDE: usize = size_of::<StrokeChunk>().next_multiple_of(256);
+/// Bytes from one chunk's uniforms to the next one's.
+const UNIFORM_STRIDE: usize = stride::<StrokeChunk>();
 
 /// One view of the splat pass: a camera, or one of its pictures. Memory grows to the largest number of
 /// Gaussians seen and stays. Drop the view to give it back.

@@ -14,8 +14,8 @@ use super::{
 };
 use crate::{
     bindings::{
-        bind_group, compute_pass, compute_pipeline, group_layout, one_of, pipeline_layout, storage_binding,
-        texture_binding, uniforms_binding,
+        at_strides, bind_group, compute_pass, compute_pipeline, group_layout, one_of, pipeline_layout,
+        storage_binding, stride, texture_binding, uniforms_binding,
     },
     buffers::{self, ReadBackError, TooLarge},
 };
@@ -127,9 +127,6 @@ struct Planned {
 
 /// Most plans that are kept: images of as many sizes can change in turn without making one anew.
 const MAX_PLANS: usize = 8;
-
-/// Distance of uniforms in their buffer: the largest alignment that a device may ask for, which a step fits.
-const OFFSET: usize = 256;
 
 impl Scratch {
     /// The buffers, of these sizes at least.
@@ -256,7 +253,7 @@ impl StrokeRedrawer {
         let mut pass = compute_pass(encoder, "redraw_strokes");
         for (i, step) in planned.plan.steps.iter().enumerate() {
             pass.set_pipeline(&self.pipelines[step.stage as usize]);
-            pass.set_bind_group(0, &planned.group, &[(i * OFFSET) as u32]);
+            pass.set_bind_group(0, &planned.group, &[(i * stride::<PaintStep>()) as u32]);
             if step.stage == Stage::Read {
                 pass.set_bind_group(1, &of_image, &[]);
             }
@@ -285,11 +282,8 @@ impl StrokeRedrawer {
         TooLarge::check("the pictures of a painting that changes", sizes[0], limit)?;
         TooLarge::check("the texels of a painting that changes", sizes[1], limit)?;
         let [pictures, packed] = scratch.with_room(device, sizes);
-        let uniforms = buffers::uniforms(device, "paint_steps", (OFFSET * plan.steps.len()) as u64);
-        let mut bytes = vec![0; OFFSET * plan.steps.len()];
-        for (place, step) in bytes.chunks_exact_mut(OFFSET).zip(&plan.steps) {
-            place[..size_of::<PaintStep>()].copy_from_slice(bytemuck::bytes_of(&step.uniforms));
-        }
+        let bytes = at_strides(plan.steps.iter().map(|step| step.uniforms));
+        let uniforms = buffers::uniforms(device, "paint_steps", bytes.len() as u64);
         queue.write_buffer(&uniforms, 0, &bytes);
         let [of_pictures, of_packed] = [&pictures, &packed].map(wgpu::Buffer::as_entire_binding);
         let resources = [one_of::<PaintStep>(&uniforms), of_pictures, of_packed];

@@ -15,7 +15,7 @@ use stylegaussian_shaders::splat::{
 use super::super::{layer::LAYER_FORMAT, view::Sorted};
 use crate::{
     bindings::{
-        Kernel, bind_group, compute_pass, one_of, pipeline_layout, shader_module, storage_binding,
+        Kernel, bind_group, compute_pass, one_of, pipeline_layout, shader_module, storage_binding, stride,
         texture_binding, uniforms_binding,
     },
     buffers,
@@ -68,7 +68,6 @@ impl Slices {
         view: &ViewSlices,
         draw_group: &wgpu::BindGroup,
         read: &wgpu::BindGroup,
-        uniform_stride: usize,
     ) {
         let mut pass = compute_pass(encoder, "splat_slices");
         pass.set_pipeline(&self.commands.pipeline);
@@ -76,7 +75,7 @@ impl Slices {
         pass.dispatch_workgroups(1, 1, 1);
         drop(pass);
         for slice in 0..N_SLICES {
-            let offset = slice * uniform_stride as u32;
+            let offset = slice * stride::<SplatIso>() as u32;
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("splat_slices_draw"),
                 color_attachments: &[cleared_color(&view.moments)],
