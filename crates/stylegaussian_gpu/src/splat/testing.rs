@@ -25,8 +25,8 @@ pub fn read<T: bytemuck::Pod>(gpu: &HeadlessDevice, buffer: &wgpu::Buffer) -> Ve
     buffers::read(&gpu.device, &gpu.queue, buffer, |bytes| bytemuck::pod_collect_to_vec(bytes)).unwrap()
 }
 
-/// The depths `[H, W]` of an attachment that was cleared to `wall` and then drawn into. Those of several samples
-/// are not read.
+/// The depths `[H, W]` of an attachment that was cleared to `wall` and then drawn into. Those of several
+/// samples are not read.
 pub fn drawn_depths(
     gpu: &HeadlessDevice,
     (size, samples): (UVec2, u32),
