@@ -14,17 +14,20 @@ use std::{
     time::{Duration, Instant},
 };
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use bevy::{
-    app::PluginsState, camera::RenderTarget, core_pipeline::tonemapping::Tonemapping, prelude::*,
-    render::RenderPlugin, render::render_resource::TextureFormat, render::view::screenshot,
-    time::TimeUpdateStrategy, window::ExitCondition, winit::WinitPlugin,
+    camera::RenderTarget, core_pipeline::tonemapping::Tonemapping, prelude::*,
+    render::render_resource::TextureFormat, render::view::screenshot, time::TimeUpdateStrategy,
 };
 use bevy_stylegaussian::prelude::*;
 use image::{RgbImage, imageops};
 
 #[path = "backdrop/mod.rs"]
 mod backdrop;
+#[path = "windowless/mod.rs"]
+mod windowless;
+
+use windowless::step;
 
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
 /// The captured colors, then the shipped styles.
@@ -44,7 +47,8 @@ fn main() -> Result<()> {
     let out = env::args().nth(1).unwrap_or_else(|| "out/demo".into());
     let out = Path::new(&out);
     fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
-    let (begun, mut app) = (Instant::now(), windowless_app());
+    let (begun, mut app) = (Instant::now(), windowless::app(ASSETS));
+    app.add_systems(Startup, backdrop::spawn);
     let assets = app.world().resource::<AssetServer>().clone();
     let target = Image::new_target_texture(960, 540, TextureFormat::Rgba8UnormSrgb, None);
     let target = app.world_mut().resource_mut::<Assets<Image>>().add(target);
@@ -72,7 +76,7 @@ fn main() -> Result<()> {
             app.world_mut().entity_mut(splats).insert((style, wave));
             // Time stands still until the style is there: frames here cost nothing but time.
             app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::ZERO));
-            while !step(&mut app)? {}
+            while step(&mut app)?.is_empty() {}
             app.insert_resource(TimeUpdateStrategy::ManualDuration(FRAME));
         }
         let wandered = (frame + WANDERING).checked_sub(N_FRAMES);
@@ -111,39 +115,6 @@ fn painted(assets: &AssetServer, name: &str) -> StyleSource {
 /// A ball of paint with a soft edge.
 fn ball() -> StyleVolume {
     StyleVolume::new(Sphere::new(1.9)).with_softness(0.3)
-}
-
-/// An app without a window and its events.
-fn windowless_app() -> App {
-    let window = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
-    let files = AssetPlugin { file_path: ASSETS.into(), ..default() };
-    let mut app = App::new();
-    // Every frame is saved, so none may be drawn without a pipeline that is still being compiled.
-    let drawing = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
-    let splats = StyleGaussianPlugin { synchronous_pipeline_compilation: true };
-    app.add_plugins((DefaultPlugins.set(window).set(files).set(drawing).disable::<WinitPlugin>(), splats));
-    app.add_systems(Startup, backdrop::spawn);
-    // The renderer is created asynchronously. A runner would wait for it like this.
-    while app.plugins_state() == PluginsState::Adding {
-        bevy::tasks::tick_global_task_pools_on_main_thread();
-    }
-    app.finish();
-    app.cleanup();
-    app
-}
-
-/// Draws one frame. Returns whether a style was applied in it.
-fn step(app: &mut App) -> Result<bool> {
-    app.update();
-    let world = app.world_mut();
-    if let Some(failed) = world.resource_mut::<Messages<GaussianSceneFailed>>().drain().next() {
-        bail!("{}", failed.error);
-    } else if let Some(failed) = world.resource_mut::<Messages<StyleFailed>>().drain().next() {
-        bail!("{}", failed.error);
-    }
-    let is_applied = world.resource_mut::<Messages<StyleApplied>>().drain().next().is_some();
-    // Bevy answers a render error by an exit, which only a runner would act on.
-    app.should_exit().map_or(Ok(is_applied), |exit| bail!("the renderer gave up: {exit:?}"))
 }
 
 /// The last frame of each style with its painting beside it, in three columns.

@@ -9,9 +9,10 @@
 //!
 //! A place in the painting is an affine function of the position, so a triangle's corners have all of it, and
 //! fragments interpolate. Positions are those of the mesh at rest, so strokes stay on it however it is bent.
-//! The kernel is `mesh_strokes`.
+//! The kernel is `mesh_strokes`; [`draw`](draw()) makes such pictures on the CPU.
 
 mod corners;
+mod draw;
 mod paint;
 mod sky;
 mod split;
@@ -20,6 +21,7 @@ mod spots;
 mod tests;
 
 pub use corners::{Corner, Corners, blend_weights, detail_at};
+pub use draw::draw;
 pub use paint::MeshPaint;
 pub use sky::{Sky, direction_of, face_of};
 pub use split::{MAX_TRIANGLES, Split};

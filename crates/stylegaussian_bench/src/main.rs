@@ -11,6 +11,7 @@ mod fidelity;
 mod files;
 mod frame;
 mod gpu;
+mod light;
 mod literal;
 mod measure;
 mod memory;
@@ -50,7 +51,7 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     vgg: Option<PathBuf>,
     /// Run only groups with this in their name: ceilings, encode, style, memory, literal, cpu, files, pytorch,
-    /// frame, peer, offline.
+    /// frame, light, peer, offline.
     #[arg(long, value_name = "WORD")]
     only: Option<String>,
 }
@@ -102,6 +103,7 @@ fn groups(arguments: &Arguments) -> Vec<(&'static str, Group<'_>)> {
         ("files", Box::new(|_, plan, report| files::run(plan, report))),
         ("pytorch", Box::new(|_, plan, report| pytorch::run(plan, report))),
         ("frame", needs_gpu(frame::run)),
+        ("light", needs_gpu(light::run)),
         ("peer", Box::new(|_, plan, report| peer::run(arguments.peer.as_deref(), plan, report))),
         #[cfg(feature = "offline")]
         ("offline", Box::new(|_, plan, report| offline::run(arguments.vgg.as_deref(), plan, report))),

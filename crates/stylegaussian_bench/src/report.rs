@@ -58,6 +58,16 @@ pub struct Ratios {
     pub style_memory_over_literal: Option<f64>,
     /// Processor time of our frame, relative to the peer's. Smaller is better.
     pub frame_cpu_ms_over_peer: Option<f64>,
+    /// A frame with four samples per pixel, relative to one with one. Smaller is better.
+    pub msaa_cost: Option<f64>,
+    /// Two eyes, relative to one. Smaller is better.
+    pub two_eyes_cost: Option<f64>,
+    /// A frame at half the size, relative to the whole one. Smaller is better.
+    pub half_size_cost: Option<f64>,
+    /// A frame with a shadow map of splats, relative to one without. Smaller is better.
+    pub casting_cost: Option<f64>,
+    /// A frame with tint, fog, shadows on splats and depth, relative to one without. Smaller is better.
+    pub light_cost: Option<f64>,
 }
 
 /// Growth of times with the number of Gaussians N: the exponent e of N^e between two sizes. 1 is linear, and
@@ -118,6 +128,15 @@ pub mod names {
     pub const MEMORY: &str = "memory of the style pass";
     pub const FRAME: &str = "frame, structured, 512x512";
     pub const PEER: &str = "frame, structured, 512x512, peer";
+    /// Frames without a feature of light, and with each, measured in turns.
+    pub const LIGHT: [&str; 6] = [
+        "light, none",
+        "light, MSAA 4",
+        "light, two eyes",
+        "light, half size",
+        "light, casting",
+        "light, tint, fog, shadows and depth",
+    ];
 }
 
 /// Bytes per Gaussian of the literal method without stored gathers: features and the two largest activations in
@@ -213,6 +232,9 @@ impl Report {
         let memory = self.row(names::MEMORY, None);
         let frames = |name: &str, n: u64| self.row(name, Some(n))?.cpu_ms;
         let peer = self.row(names::PEER, None);
+        let [plain, with_features @ ..] = names::LIGHT.map(|name| Some(self.row(name, None)?.median_ms));
+        let costs = with_features.map(|feature: Option<f64>| Some(feature? / plain?));
+        let [msaa_cost, two_eyes_cost, half_size_cost, casting_cost, light_cost] = costs;
         self.ratios = Ratios {
             folded_over_unfolded_cpu: self.faster(names::CPU_DECODE, names::CPU_UNFOLDED),
             cpu_decode_over_product: of_product(names::CPU_DECODE, names::CPU_UNFOLDED, names::CPU_PRODUCT),
@@ -223,6 +245,11 @@ impl Report {
                 .and_then(|row| Some(row.bytes? as f64 / (LITERAL_BYTES * row.n as f64))),
             frame_cpu_ms_over_peer: peer
                 .and_then(|row| Some(frames(names::FRAME, row.n)? / frames(names::PEER, row.n)?)),
+            msaa_cost,
+            two_eyes_cost,
+            half_size_cost,
+            casting_cost,
+            light_cost,
         };
         self.exponents = Exponents {
             cpu_decode: self.exponent(names::CPU_DECODE, [20_000, 300_000]),
@@ -262,7 +289,7 @@ impl Report {
 }
 
 impl Ratios {
-    fn named(&self) -> [(&'static str, Option<f64>); 7] {
+    fn named(&self) -> [(&'static str, Option<f64>); 12] {
         [
             ("folded_over_unfolded_cpu", self.folded_over_unfolded_cpu),
             ("cpu_decode_over_product", self.cpu_decode_over_product),
@@ -271,6 +298,11 @@ impl Ratios {
             ("style_pass_over_product_rate", self.style_pass_over_product_rate),
             ("style_memory_over_literal", self.style_memory_over_literal),
             ("frame_cpu_ms_over_peer", self.frame_cpu_ms_over_peer),
+            ("msaa_cost", self.msaa_cost),
+            ("two_eyes_cost", self.two_eyes_cost),
+            ("half_size_cost", self.half_size_cost),
+            ("casting_cost", self.casting_cost),
+            ("light_cost", self.light_cost),
         ]
     }
 }
@@ -344,6 +376,8 @@ mod tests {
             row(names::FRAME, 200, 7.0),
             row(names::PEER, 100, 20.0),
             Row::of_memory(names::MEMORY, 1000, 259_200),
+            row(names::LIGHT[0], 100, 4.0),
+            row(names::LIGHT[2], 100, 6.0),
         ] {
             report.rows.push(row);
         }
@@ -356,6 +390,7 @@ mod tests {
         assert_eq!(ratios.frame_cpu_ms_over_peer, Some(0.25));
         assert_eq!(ratios.style_memory_over_literal, Some(0.1));
         assert_eq!(ratios.style_pass_over_pytorch, None);
+        assert_eq!((ratios.two_eyes_cost, ratios.msaa_cost), (Some(1.5), None));
         assert!((report.exponents.style_pass.unwrap() - 2.0).abs() < 1e-9);
         assert_eq!(report.exponents.cpu_decode, None);
         assert!(report.json().unwrap().contains("\"style_pass_over_pytorch\": null"));

@@ -50,7 +50,7 @@ fn every_painting_and_reference_is_measured() {
     // nearest.
     assert_eq!(found["unstyled"]["own_painting_nearest"], 0.5);
     assert_eq!(found["unstyled"]["content_error"], 0.0);
-    assert!(found["adain_2d"].is_null());
+    assert!(found["adain_2d"].is_null() && found["mesh"].is_null());
     // Recoloring helps most at relu1_1, which is close to the colors themselves.
     let first = |kind: &str| number(&found[kind]["style_errors"][0]);
     assert!(first("recolored") < first("unstyled"), "{found}");
@@ -83,6 +83,13 @@ fn every_painting_and_reference_is_measured() {
     let [painted, shown] = [&found, &shown].map(|found| number(&found["stylized"]["style_error"]));
     // A look has 8 bits for each channel, and textures in steps.
     assert!((painted - shown).abs() < 0.02 * painted, "{painted} {shown}");
+
+    // A mesh beside the scene is painted, too, and shows as much of the paintings.
+    let beside = eval(&scene, &["--json", "--mesh"]).expect_success().json();
+    let [alone, with_mesh] = [&found, &beside].map(|found| number(&found["stylized"]["style_error"]));
+    assert!((alone - with_mesh).abs() < 1e-6 * alone, "{alone} {with_mesh}");
+    assert!((1.0..=2.0).contains(&number(&beside["mesh"]["texture_rank"])), "{}", beside["mesh"]);
+    assert!(number(&beside["mesh"]["content_error"]) > 0.0, "{}", beside["mesh"]);
 
     let table = eval(&scene, &["--decoder-only"]).expect_success().stdout;
     assert!(table.contains("a.png") && table.contains("recolored"), "{table}");

@@ -13,7 +13,9 @@ use stylegaussian_gpu::{
         SplatView,
     },
 };
-use target::{composite_edges, edge_layers, gpu, read, resolved, texture};
+use target::{
+    composite_edges, depth_of, edge_layers, gpu, read, resolved, texture, view_of, with_near_plane,
+};
 use wgpu::TextureFormat::Depth32Float;
 
 /// Samples per pixel of meshes.
@@ -22,70 +24,23 @@ const SAMPLES: u32 = 4;
 const SIZE: UVec2 = UVec2::new(96, 64);
 
 /// A mesh's triangles as corners in normalized device coordinates, reverse z: depth is 0.1 / z.
-const MESH: &str = "
-    const CORNERS = array(
-        vec3(-0.9, -0.8, 0.05), vec3(0.4, -0.6, 0.04), vec3(-0.2, 0.9, 0.025),
-        vec3(0.1, -0.9, 0.035), vec3(0.95, 0.1, 0.06), vec3(0.2, 0.7, 0.03),
-    );
-    @vertex fn mesh(@builtin(vertex_index) i: u32) -> @builtin(position) vec4<f32> {
-        var corners = CORNERS;
-        return vec4(corners[i], 1.0);
-    }";
-
-fn view_of(texture: &wgpu::Texture) -> wgpu::TextureView {
-    texture.create_view(&wgpu::TextureViewDescriptor::default())
-}
+const MESH: [[f32; 3]; 6] = [
+    [-0.9, -0.8, 0.05],
+    [0.4, -0.6, 0.04],
+    [-0.2, 0.9, 0.025],
+    [0.1, -0.9, 0.035],
+    [0.95, 0.1, 0.06],
+    [0.2, 0.7, 0.03],
+];
 
 /// Depth with `samples` samples per pixel, of the first `n` triangles of the mesh.
-fn depth_of_mesh(gpu: &HeadlessDevice, samples: u32, n: u32) -> wgpu::Texture {
-    let depth = texture(&gpu.device, SIZE.to_array(), Depth32Float, samples);
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl(MESH.into()),
-    });
-    let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: None,
-        layout: None,
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: None,
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: Depth32Float,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        }),
-        multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
-        fragment: None,
-        multiview_mask: None,
-        cache: None,
-    });
-    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-            view: &view_of(&depth),
-            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
-            stencil_ops: None,
-        }),
-        ..Default::default()
-    });
-    pass.set_pipeline(&pipeline);
-    pass.draw(0..3 * n, 0..1);
-    drop(pass);
-    gpu.queue.submit([encoder.finish()]);
-    depth
+fn depth_of_mesh(gpu: &HeadlessDevice, samples: u32, n: usize) -> wgpu::Texture {
+    depth_of(gpu, SIZE, samples, &MESH[..3 * n])
 }
 
 /// A camera with depth 0.1 / z.
 fn eye() -> Camera {
-    let mut camera = Camera::pinhole(&camera(SIZE));
-    camera.clip_from_view.w_axis.z = 0.1;
-    camera
+    with_near_plane(&camera(SIZE))
 }
 
 /// A scene, projected and sorted.

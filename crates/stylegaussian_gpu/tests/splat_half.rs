@@ -19,73 +19,23 @@ use stylegaussian_gpu::{
         SplatView,
     },
 };
-use target::{composite_edges, gpu, read, resolved, texture};
+use target::{composite_edges, depth_of, gpu, read, resolved, texture, view_of, with_near_plane};
 use wgpu::TextureFormat::Depth32Float;
 
 /// Width and height of pictures, in pixels.
 const SIZE: UVec2 = UVec2::new(96, 63);
 
 /// A mesh before half of the splats, in normalized device coordinates, reverse z: depth is 0.1 / z.
-const MESH: &str = "
-    @vertex fn mesh(@builtin(vertex_index) i: u32) -> @builtin(position) vec4<f32> {
-        var corners = array(vec3(-0.9, -0.8, 0.05), vec3(0.7, -0.5, 0.04), vec3(-0.2, 0.9, 0.03));
-        return vec4(corners[i], 1.0);
-    }";
-
-fn view_of(texture: &wgpu::Texture) -> wgpu::TextureView {
-    texture.create_view(&wgpu::TextureViewDescriptor::default())
-}
+const MESH: [[f32; 3]; 3] = [[-0.9, -0.8, 0.05], [0.7, -0.5, 0.04], [-0.2, 0.9, 0.03]];
 
 /// Depth of the mesh in a target of `size`, or of none.
 fn depth_of_mesh(gpu: &HeadlessDevice, size: UVec2, samples: u32, is_there: bool) -> wgpu::Texture {
-    let depth = texture(&gpu.device, size.to_array(), Depth32Float, samples);
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl(MESH.into()),
-    });
-    let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: None,
-        layout: None,
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: None,
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: Depth32Float,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        }),
-        multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
-        fragment: None,
-        multiview_mask: None,
-        cache: None,
-    });
-    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-            view: &view_of(&depth),
-            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
-            stencil_ops: None,
-        }),
-        ..Default::default()
-    });
-    pass.set_pipeline(&pipeline);
-    pass.draw(0..if is_there { 3 } else { 0 }, 0..1);
-    drop(pass);
-    gpu.queue.submit([encoder.finish()]);
-    depth
+    depth_of(gpu, size, samples, if is_there { &MESH[..] } else { &[] })
 }
 
 /// A camera with depth 0.1 / z.
 fn eye() -> Camera {
-    let mut camera = Camera::pinhole(&camera(SIZE));
-    camera.clip_from_view.w_axis.z = 0.1;
-    camera
+    with_near_plane(&camera(SIZE))
 }
 
 /// The layer of a scene before `depth`, whole or made from half of its width and height.

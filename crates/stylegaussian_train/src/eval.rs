@@ -12,6 +12,8 @@
 //! say whether brushwork came over. The distance of each cell's features to the nearest in the painting, and
 //! the energy of fine detail (*grain*) relative to the painting's, show it as well.
 //!
+//! A mesh may be painted beside the scene: a ball in the scene's colors, which is judged likewise.
+//!
 //! References are the unstyled scene; the scene recolored to the painting's mean and covariance, which needs no
 //! network; and, if a 2D decoder is given, AdaIN on each view separately. Whether the views agree is measured
 //! by warping one into another.
@@ -21,6 +23,7 @@ mod consistency;
 mod gallery;
 mod image_decoder;
 mod judge;
+mod mesh;
 mod nearest_features;
 mod report;
 mod texture;

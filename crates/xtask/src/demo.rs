@@ -1,5 +1,5 @@
 //! `cargo xtask demo`: the demo scene in every shipped style, in a window, or as pictures if there is no
-//! display.
+//! display. `cargo xtask pictures`: a picture of each feature.
 
 use std::{path::Path, process::Command};
 
@@ -12,6 +12,7 @@ use crate::{
 
 const SCENE: &str = "assets/demo.sgs";
 const OUT: &str = "out/demo";
+const PICTURES: &str = "docs/features";
 
 /// Opens the viewer. If there is no display, renders a turntable and prints the paths of the pictures.
 pub fn run() -> Result<()> {
@@ -31,6 +32,16 @@ pub fn run() -> Result<()> {
     println!("\nThe demo scene, once around through all styles: {OUT}/000.png and on");
     println!("All of them on one sheet: {OUT}/sheet.png");
     Ok(())
+}
+
+/// Draws the pictures of `docs/features.md` anew.
+pub fn pictures() -> Result<()> {
+    ensure!(Path::new(SCENE).is_file(), "{SCENE} is missing; `cargo xtask assets` makes it");
+    let mut steps = Steps::default();
+    install_graphics(&mut steps, false)?;
+    let outcome = steps.run("pictures", example("pictures").arg(PICTURES));
+    steps.print_summary();
+    outcome
 }
 
 /// An example of the workspace, as a release build.

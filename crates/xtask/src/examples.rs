@@ -18,8 +18,8 @@ use crate::steps::target_folder;
 /// The X server without a screen.
 const SERVER: &str = "Xvfb";
 
-/// An example with neither window nor end: it writes a turntable of pictures, as `cargo xtask demo` shows.
-const WITHOUT_WINDOW: &str = "headless";
+/// Examples with no window, which write pictures: `cargo xtask demo` and `cargo xtask pictures` run them.
+const WITHOUT_WINDOW: [&str; 2] = ["headless", "pictures"];
 
 /// A line that Bevy logs once it has a GPU, right before its first frame.
 const HAS_GPU: &str = "AdapterInfo";
@@ -54,7 +54,7 @@ fn names() -> Result<Vec<String>> {
             names.push(stem.to_string_lossy().into_owned());
         }
     }
-    names.retain(|name| name != WITHOUT_WINDOW);
+    names.retain(|name| !WITHOUT_WINDOW.contains(&name.as_str()));
     names.sort();
     Ok(names)
 }

@@ -1,5 +1,5 @@
-//! Set-up and chores of the workspace: `cargo xtask test | demo | bench | world | assets | fuzz | soak |
-//! web | package`.
+//! Set-up and chores of the workspace: `cargo xtask test | demo | pictures | bench | world | assets | fuzz |
+//! soak | web | package`.
 
 mod assets;
 mod bench;
@@ -25,6 +25,7 @@ Usage: cargo xtask <COMMAND>
 
   test     everything CI runs: formatting, lints, docs, tests, examples, packages
   demo     the demo scene in every shipped style, in a window; without a display, as pictures in out/demo
+  pictures a picture of each feature, in docs/features, for docs/features.md; minutes without a GPU
   bench    how fast everything is, beside what it could be: [--quick] [--json FILE] \
            [--peer BINARY] [--only WORD]
   world    a world of any size, copies of a scene on hills, in chunks that are streamed: N -o FOLDER, of N \
@@ -55,6 +56,7 @@ fn run() -> Result<()> {
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["test"] => test::run(),
         ["demo"] => demo::run(),
+        ["pictures"] => demo::pictures(),
         ["bench", ..] => bench::run(&arguments[1..]),
         ["world", ..] => bench::world(&arguments[1..]),
         ["assets"] => assets::run(),

@@ -40,6 +40,8 @@ mod light;
 mod living;
 mod pass;
 mod pipelines;
+#[cfg(feature = "pbr")]
+mod sky;
 mod view;
 
 pub use camera::{SplatSortKey, SplatTonemapping};
@@ -139,6 +141,13 @@ impl Plugin for SplatsPlugin {
             // What transmissive materials refract has been drawn before.
             render_app.configure_sets(Core3d, DrawsSplats.before(bevy::pbr::main_transmissive_pass_3d));
             cast::add_to(render_app);
+        }
+    }
+
+    #[cfg(feature = "pbr")]
+    fn finish(&self, app: &mut App) {
+        if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
+            sky::draw_over(render_app, DrawsSplats.intern());
         }
     }
 }

@@ -3,13 +3,17 @@
 use bevy::{
     camera::Hdr,
     core_pipeline::tonemapping::{DebandDither, Tonemapping},
-    light::{CascadeShadowConfigBuilder, DirectionalLightShadowMap},
-    pbr::{DistanceFog, FogFalloff},
+    light::{
+        Atmosphere, CascadeShadowConfigBuilder, DirectionalLightShadowMap, atmosphere::ScatteringMedium,
+    },
+    pbr::{AtmosphereSettings, DistanceFog, FogFalloff},
     prelude::*,
     render::RenderApp,
 };
 
-use crate::{GaussianSceneReady, SplatShadows, SplatTint, SplatTonemapping, StyleVolume, splats::Held};
+use crate::{
+    GaussianSceneReady, SplatDepth, SplatShadows, SplatTint, SplatTonemapping, StyleVolume, splats::Held,
+};
 
 use super::{
     pictures::{EYE, RED, Studio, pixel},
@@ -193,4 +197,34 @@ fn meshes_cast_shadows_on_splats_that_receive_them() {
         studio.app.world_mut().entity_mut(entity).remove::<SplatShadows>();
     }
     assert!(studio.shoot() == plain);
+}
+
+/// The sky of Bevy's atmosphere lies behind splats, with their depth or without, and is not added to them.
+#[test]
+fn the_sky_of_an_atmosphere_is_behind_splats() {
+    let Some(mut studio) = Studio::new() else { return };
+    let camera = studio.camera(EYE, (Msaa::Off, Tonemapping::Reinhard, Hdr, DebandDither::Disabled));
+    // As bright as the sun is outside of the atmosphere.
+    let sun = DirectionalLight { illuminance: 130_000.0, ..default() };
+    let above = Transform::from_xyz(1.0, 4.0, 2.0).looking_at(Vec3::ZERO, Vec3::Y);
+    studio.app.world_mut().spawn((sun, above));
+    studio.splats(solid(Vec3::ZERO, RED), Transform::default());
+    let plain = studio.shoot();
+    let medium = add(&mut studio.app, ScatteringMedium::default());
+    studio.app.world_mut().spawn(Atmosphere::earth(medium));
+    studio.app.world_mut().entity_mut(camera).insert(AtmosphereSettings::default());
+    // Its shaders are assets, which are loaded in the background.
+    for _ in 0..40 {
+        studio.app.update();
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    for depth in [false, true] {
+        if depth {
+            studio.app.world_mut().entity_mut(camera).insert(SplatDepth::default());
+        }
+        let picture = studio.shoot();
+        let sky = pixel(&picture, 2, 2);
+        assert!(sky[2] > 0.1, "the sky is {sky:?}");
+        near("before the sky", pixel(&picture, 32, 32), pixel(&plain, 32, 32), 2.0);
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use clap::Args;
 use stylegaussian::{
     Camera, Scene,
@@ -82,6 +82,9 @@ pub struct EvalArgs {
     /// Paint with all paintings of the folder as one collection, and compare the same pictures with each.
     #[arg(long, conflicts_with_all = ["looks", "decoder", "decoder_only"])]
     collection: bool,
+    /// Also paint a mesh beside the scene, a ball in the scene's colors, and judge it likewise.
+    #[arg(long, conflicts_with_all = ["looks", "decoder", "decoder_only", "collection", "split_paint"])]
+    mesh: bool,
     /// Also count pixels that the scene does not cover, as mid-gray. By default a picture's statistics are
     /// those of the scene alone.
     #[arg(long)]
@@ -134,6 +137,11 @@ pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
     let (named, surface);
     // As `stylize` decides: a decoder that was trained for the scene, or is asked for, is what should be seen.
     let asks_for_decoder = arguments.decoder_only || arguments.decoder.is_some();
+    ensure!(
+        !arguments.mesh || is_painted(&scene, asks_for_decoder, true),
+        "{name}: found a decoder of its own, expected a scene that is painted, for --mesh"
+    );
+    let beside = arguments.mesh.then(|| Surface::new(&scene, &Work::default())).transpose()?;
     let painter: Box<Painter> = match &arguments.looks {
         Some(folder) => Box::new(|painting: &Path, _: &Image| baked(folder, painting, &scene)),
         None if arguments.collection => {
@@ -154,7 +162,8 @@ pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
         }
     };
     let split = arguments.split_paint;
-    let subject = Subject { scene: &scene, painter: &*painter, split, encoder: &encoder };
+    let mesh = beside.as_ref();
+    let subject = Subject { scene: &scene, painter: &*painter, split, mesh, encoder: &encoder };
 
     let progress = ProgressLine::new();
     let watch = Watch { progress: &|now| progress.show(now), interrupted: interrupt.watch() };

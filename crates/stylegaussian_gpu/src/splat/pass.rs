@@ -272,14 +272,27 @@ impl SplatPass {
         (layers, depth): (&EdgeLayers, &wgpu::TextureView),
         pipeline: &SplatPipeline,
     ) {
-        if let Some(edges) = view.edges(device, queue, camera) {
-            self.edges.get_or_init(|| Edges::new(device)).encode(device, encoder, edges, layers, depth);
-        }
+        self.split_depth(device, queue, encoder, view, camera, (layers, depth));
         for (color, depth) in
             [(&layers.farther, &layers.farther_depth), (&layers.nearer, &layers.nearer_depth)]
         {
             let layer = Layer { color, depth: Some(depth) };
             self.draw_layer(device, queue, encoder, view, &layer, pipeline);
+        }
+    }
+
+    /// Splits a depth with several samples into those of both sides of `layers`.
+    fn split_depth(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        encoder: &mut wgpu::CommandEncoder,
+        view: &mut SplatView,
+        camera: &Camera,
+        (layers, depth): (&EdgeLayers, &wgpu::TextureView),
+    ) {
+        if let Some(edges) = view.edges(device, queue, camera) {
+            self.edges.get_or_init(|| Edges::new(device)).encode(device, encoder, edges, layers, depth);
         }
     }
 

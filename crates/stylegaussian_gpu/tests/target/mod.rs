@@ -92,6 +92,80 @@ pub fn pass(
     gpu.queue.submit([encoder.finish()]);
 }
 
+/// All of a texture.
+pub fn view_of(texture: &wgpu::Texture) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+/// A camera with depth 0.1 / z.
+pub fn with_near_plane(camera: &stylegaussian::Camera) -> Camera {
+    let mut camera = Camera::pinhole(camera);
+    camera.clip_from_view.w_axis.z = 0.1;
+    camera
+}
+
+/// Depth with `samples` samples per pixel, of triangles of these corners in normalized device coordinates,
+/// reverse z.
+pub fn depth_of(gpu: &HeadlessDevice, size: UVec2, samples: u32, corners: &[[f32; 3]]) -> wgpu::Texture {
+    let depth = texture(&gpu.device, size.to_array(), wgpu::TextureFormat::Depth32Float, samples);
+    let (of_depth, mut encoder) =
+        (view_of(&depth), gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()));
+    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+            view: &of_depth,
+            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
+            stencil_ops: None,
+        }),
+        ..Default::default()
+    });
+    // An array in WGSL is not empty.
+    if !corners.is_empty() {
+        pass.set_pipeline(&mesh_pipeline(&gpu.device, samples, corners));
+        pass.draw(0..corners.len() as u32, 0..1);
+    }
+    drop(pass);
+    gpu.queue.submit([encoder.finish()]);
+    depth
+}
+
+/// The draw of triangles of these corners into depth alone.
+fn mesh_pipeline(device: &wgpu::Device, samples: u32, corners: &[[f32; 3]]) -> wgpu::RenderPipeline {
+    let list: Vec<String> = corners.iter().map(|[x, y, z]| format!("vec3({x:?}, {y:?}, {z:?})")).collect();
+    let source = format!(
+        "@vertex fn mesh(@builtin(vertex_index) i: u32) -> @builtin(position) vec4<f32> {{
+            var corners = array({});
+            return vec4<f32>(corners[i], 1.0);
+        }}",
+        list.join(", ")
+    );
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: None,
+        layout: None,
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: None,
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: wgpu::TextureFormat::Depth32Float,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
+        fragment: None,
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
 /// The layers of both sides of the edges in `depth`, which has several samples per pixel.
 pub fn edge_layers(
     HeadlessDevice { device, queue, .. }: &HeadlessDevice,

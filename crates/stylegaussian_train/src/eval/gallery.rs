@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::UVec2;
 use stylegaussian::{
     Camera, Decoder, EncoderId, Scene,
-    paint::Painted,
+    paint::{Canvas, Painted, Surface},
     recolor::{ColorMoments, Recoloring},
     restyle::{Recipe, Styles},
     splat::{Colors, RenderedImage, render},
@@ -13,13 +13,14 @@ use stylegaussian::{
     views::{choose_views, orbit},
     work::Work,
 };
-use stylegaussian_encoder::{Encoder, Image, StyleSize, style_statistics};
+use stylegaussian_encoder::{Encoder, Image, StyleSize, paint_of, style_statistics};
 
 use super::{
     baseline::Baseline,
     consistency::{Agreement, Consistency, N_ORBIT, Pairs},
     image_decoder::ImageDecoder,
     judge::{Judge, Look, Target, nearest_other},
+    mesh::Ball,
     report::{Evaluation, Measures, PaintingEvaluation},
 };
 use crate::{
@@ -48,6 +49,9 @@ pub struct Subject<'a> {
     /// How many times as many Gaussians the scene is split into, with its strokes in their colors, if it is
     /// judged as programs show it that draw no strokes: see [`split_paint`].
     pub split: Option<f64>,
+    /// The surface of the scene, if a mesh is painted beside it and judged, too. `painter` then lays on instant
+    /// paint.
+    pub mesh: Option<&'a Surface>,
     /// The encoder of AdaIN on each view.
     pub encoder: &'a Encoder,
 }
@@ -190,11 +194,14 @@ struct Gallery<'a> {
     targets: Vec<Target>,
     /// For the views of style and content, and for those of consistency.
     baselines: Option<[Baseline<'a>; 2]>,
+    /// The mesh, if one is judged.
+    ball: Option<Ball<'a>>,
 }
 
 /// The scene in one style, measured view by view.
 struct Exhibit {
     stylized: Vec<Measures>,
+    mesh: Vec<Measures>,
     unstyled: Vec<Measures>,
     recolored: Vec<Measures>,
     adain_2d: Vec<Measures>,
@@ -212,7 +219,7 @@ impl<'a> Gallery<'a> {
         paths: Vec<PathBuf>,
         decoder_2d: Option<&'a ImageDecoder>,
     ) -> Result<Self, TrainError> {
-        let Subject { scene, encoder, .. } = subject;
+        let Subject { scene, encoder, mesh, .. } = subject;
         let paintings = paths.iter().map(|path| Image::open_painting(path)).collect::<Result<Vec<_>, _>>()?;
         let unstyled: Vec<RenderedImage> =
             views.cameras.iter().map(|camera| render(scene, Colors::Captured, camera)).collect();
@@ -222,6 +229,7 @@ impl<'a> Gallery<'a> {
         };
         Ok(Self {
             baselines: decoder_2d.map(baselines).transpose()?,
+            ball: mesh.map(|surface| Ball::new(scene, surface)).transpose()?,
             targets: paintings.iter().map(|image| judge.painting(image)).collect::<Result<_, _>>()?,
             unstyled_looks: unstyled.iter().map(|view| judge.look(view)).collect::<Result<_, _>>()?,
             colors: ColorMoments::of_views(&unstyled),
@@ -240,12 +248,16 @@ impl<'a> Gallery<'a> {
         own: usize,
         mut report: impl FnMut() -> Result<(), TrainError>,
     ) -> Result<Exhibit, TrainError> {
-        let Subject { scene, painter, split, encoder } = self.subject;
+        let Subject { scene, painter, split, encoder, .. } = self.subject;
         let image = &self.paintings[own];
         let painted = painter(&self.paths[own], image)?;
         // The scene's own features are another matter: this baseline has feature maps of its own.
         let style = match &self.baselines {
             Some(_) => Some(style_statistics(encoder, image, StyleSize::default())?),
+            None => None,
+        };
+        let mesh = match &self.ball {
+            Some(ball) => Some((ball, ball.paint(&Canvas::new(&paint_of(image)), &painted)?)),
             None => None,
         };
         let recoloring = Recoloring::new(&self.colors, &ColorMoments::of_rgb(&image.rgb));
@@ -260,6 +272,7 @@ impl<'a> Gallery<'a> {
             agreement: consistency.measure(&self.judge, &drawn)?,
             adain_2d_agreement: None,
             stylized: Vec::new(),
+            mesh: Vec::new(),
             unstyled: Vec::new(),
             recolored: Vec::new(),
             adain_2d: Vec::new(),
@@ -271,6 +284,12 @@ impl<'a> Gallery<'a> {
             exhibit.stylized.push(measure(&self.judge.look(view)?));
             exhibit.unstyled.push(measure(&self.unstyled_looks[i]));
             exhibit.recolored.push(measure(&self.judge.look(&recoloring.view(before))?));
+            if let Some((ball, paint)) = &mesh {
+                let camera = &self.views.cameras[i];
+                let bare = self.judge.look(&ball.draw(&ball.bare(paint), camera))?;
+                let look = self.judge.look(&ball.draw(paint, camera))?;
+                exhibit.mesh.push(look.measures(&bare, &self.targets, own));
+            }
             if let Some(([baseline, _], style)) = self.baselines.as_ref().zip(style.as_ref()) {
                 exhibit.adain_2d.push(measure(&self.judge.look(&baseline.paint(i, before, style)?)?));
             }
@@ -299,6 +318,7 @@ impl<'a> Gallery<'a> {
         Ok(Evaluation {
             deep_style_error_over_recolored: deep(&stylized) / deep(&recolored).max(f64::MIN_POSITIVE),
             stylized,
+            mesh: self.ball.as_ref().map(|_| mean(|e| &e.mesh)),
             unstyled: mean(|e| &e.unstyled),
             recolored,
             adain_2d: self.baselines.as_ref().map(|_| mean(|e| &e.adain_2d)),

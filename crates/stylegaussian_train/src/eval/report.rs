@@ -11,6 +11,8 @@ use super::consistency::Agreement;
 pub struct Evaluation {
     /// The scene in the paintings' styles.
     pub stylized: Measures,
+    /// A mesh beside it in the same paint, if one is judged. Its content error is that to its own colors.
+    pub mesh: Option<Measures>,
     /// The scene as it is.
     pub unstyled: Measures,
     /// The scene recolored to each painting's mean color and covariance.
@@ -106,7 +108,8 @@ impl Evaluation {
             "nnfm3_1",
             "grain"
         );
-        let kinds = [("stylized", Some(self.stylized)), ("unstyled", Some(self.unstyled))];
+        let kinds =
+            [("stylized", Some(self.stylized)), ("mesh", self.mesh), ("unstyled", Some(self.unstyled))];
         let references = [("recolored", Some(self.recolored)), ("2D AdaIN", self.adain_2d)];
         for (name, measures) in kinds.into_iter().chain(references) {
             let Some(found) = measures else { continue };

@@ -9,7 +9,6 @@ use crate::{
     camera::Camera,
     palette::LUMINANCE,
     splat::{Colors, render_strokes},
-    strokes::SHARPER,
 };
 
 /// Sides of the pictures, in pixels.
@@ -20,12 +19,6 @@ const CELLS: [usize; 2] = [48, 24];
 
 /// Gaussians of its capture.
 const N_GAUSSIANS: usize = 8_000;
-
-/// A picture of a mesh `[SIDE * SIDE]`, and which of its pixels show it.
-struct Picture {
-    color: Vec<Vec3>,
-    is_covered: Vec<bool>,
-}
 
 /// The unit ball with texture coordinates: vertices of its seam, which faces -z, are there twice.
 fn ball() -> (Vec<Vec3>, Vec<[u32; 3]>) {
@@ -90,65 +83,6 @@ fn spotted() -> Canvas {
     Canvas::new(&Paint { width: 256, height: 256, pixels, used: None })
 }
 
-/// Level of detail: that of the kernel `mesh_level`, from the changes of a position by a pixel to the right and
-/// down.
-fn level(seed: &StrokeSeed, steps: [Vec3; 2]) -> f32 {
-    let seed = seed.plain();
-    let [x, y] = steps.map(|step| seed.pitch * Vec2::new(seed.right.dot(step), seed.down.dot(step)));
-    let facing = x.length().min(y.length());
-    let texels = x.perp_dot(y).abs().sqrt().clamp(facing, 3.0 * facing);
-    (texels.max(1e-6).log2() + SHARPER).max(0.0)
-}
-
-/// The mesh as its material shows it without light: `own_of` are the colors of its vertices.
-fn drawn(split: &Split, spots: &Spots, own_of: &[[f32; 3]], paint: &MeshPaint, camera: &Camera) -> Picture {
-    let mut color = vec![Vec3::ZERO; SIDE * SIDE];
-    let mut depth = vec![f32::INFINITY; SIDE * SIDE];
-    let strokes = (&*paint.strokes.seeds, &*paint.strokes.textures);
-    for numbers in &paint.corners.triangles {
-        let corners = numbers.map(|i| paint.corners.corners[i as usize]);
-        let vertices = corners.map(|corner| corner.vertex as usize);
-        let words = corners.map(|corner| corner.words[corner.corner as usize]);
-        let at = vertices.map(|vertex| split.positions[vertex]);
-        let view: [Vec3; 3] = at.map(|at| camera.view_from_world.transform_point3(at));
-        let screen = view.map(|at| camera.focal * at.truncate() / at.z + camera.center);
-        let area = (screen[1] - screen[0]).perp_dot(screen[2] - screen[0]);
-        // Shares of the corners at a pixel, and its depth.
-        let shares = |pixel: Vec2| {
-            let [a, b, c] = screen.map(|corner| corner - pixel);
-            let flat = Vec3::new(b.perp_dot(c), c.perp_dot(a), a.perp_dot(b)) / area;
-            let over_depth = flat / Vec3::new(view[0].z, view[1].z, view[2].z);
-            (over_depth / over_depth.element_sum(), over_depth.element_sum().recip())
-        };
-        let mean = |shares: Vec3, of: [Vec3; 3]| shares.x * of[0] + shares.y * of[1] + shares.z * of[2];
-        let low = screen.iter().fold(Vec2::MAX, |low, at| low.min(*at)).max(Vec2::ZERO).as_usizevec2();
-        let high = screen.iter().fold(Vec2::MIN, |high, at| high.max(*at)).max(Vec2::ZERO).as_usizevec2();
-        for (x, y) in
-            (low.y..=high.y.min(SIDE - 1)).flat_map(|y| (low.x..=high.x.min(SIDE - 1)).map(move |x| (x, y)))
-        {
-            let pixel = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-            let (of_corners, z) = shares(pixel);
-            let i = y * SIDE + x;
-            // Comparisons with NaN, of a triangle without an area, are false.
-            let is_shown = of_corners.min_element() >= 0.0 && z < depth[i];
-            if !is_shown {
-                continue;
-            }
-            depth[i] = z;
-            let here = mean(of_corners, at);
-            let steps = [Vec2::X, Vec2::Y].map(|step| mean(shares(pixel + step).0, at) - here);
-            let seed = &paint.strokes.seeds[StrokeWord::unpacked(words[0]).seed as usize];
-            let knobs = &StrokeKnobs::DEFAULT;
-            let detail = detail_at((words, of_corners), here, strokes, knobs, level(seed, steps));
-            let of_spot = |vertex: usize| Vec3::from(paint.colors[spots.of_vertex[vertex] as usize]);
-            let protection = words.map(|word| Vec3::splat(StrokeWord::unpacked(word).protection));
-            let kept = own(here) - mean(of_corners, vertices.map(|vertex| Vec3::from(own_of[vertex])));
-            color[i] = mean(of_corners, vertices.map(of_spot)) + mean(of_corners, protection) * kept + detail;
-        }
-    }
-    Picture { color, is_covered: depth.iter().map(|depth| depth.is_finite()).collect() }
-}
-
 /// The *grain* of `eval`: the deviation of the Laplacian of luminance over that of luminance, where `counts`.
 fn grain(color: &[Vec3], counts: &dyn Fn(usize, usize) -> bool) -> f32 {
     let at = |x: usize, y: usize| color[y * SIDE + x].dot(LUMINANCE);
@@ -183,7 +117,9 @@ fn a_ball_shows_the_brushwork_of_its_capture_and_no_seam() {
 
     let eye = -4.0 * Vec3::Z;
     let camera = Camera::look_at(eye, Vec3::ZERO, Vec3::Y, 0.52, UVec2::splat(SIDE as u32));
-    let mesh = drawn(&split, &spots, &own_of, &paint, &camera);
+    let mesh = draw((&split, &spots), &paint, (&own_of[..], own), &camera);
+    let is_covered = |i: usize| mesh.alpha[i] == 1.0;
+    let mesh: Vec<Vec3> = mesh.color.iter().map(|color| Vec3::from(*color)).collect();
     let strokes = (&painted.strokes, &StrokeKnobs::DEFAULT);
     let splats = render_strokes(&capture, Colors::Rgb(&painted.colors), strokes, &camera, None);
     let splats: Vec<Vec3> = splats.color.iter().map(|color| Vec3::from(*color)).collect();
@@ -193,16 +129,16 @@ fn a_ball_shows_the_brushwork_of_its_capture_and_no_seam() {
         from_middle.length() < 0.38 * SIDE as f32
     };
     let all = || (0..SIDE * SIDE).filter(|i| is_inner(i % SIDE, i / SIDE));
-    assert!(all().all(|i| mesh.is_covered[i]));
-    let grains = [grain(&mesh.color, &is_inner), grain(&splats, &is_inner)];
+    assert!(all().all(is_covered));
+    let grains = [grain(&mesh, &is_inner), grain(&splats, &is_inner)];
     let ratio = grains[0] / grains[1];
     let mean = |color: &[Vec3]| all().map(|i| color[i]).sum::<Vec3>() / all().count() as f32;
-    let apart = mean(&mesh.color).distance(mean(&splats));
+    let apart = mean(&mesh).distance(mean(&splats));
 
     // Mean steps of luminance from a column to the next, around the seam in the middle.
     let step = |x: usize| {
         let rows = SIDE / 5..SIDE - SIDE / 5;
-        let at = |x: usize, y: usize| mesh.color[y * SIDE + x].dot(LUMINANCE);
+        let at = |x: usize, y: usize| mesh[y * SIDE + x].dot(LUMINANCE);
         rows.clone().map(|y| (at(x + 1, y) - at(x, y)).abs()).sum::<f32>() / rows.len() as f32
     };
     let around = (1..30).flat_map(|k| [SIDE / 2 - 1 - k, SIDE / 2 - 1 + k]).map(step).sum::<f32>() / 58.0;

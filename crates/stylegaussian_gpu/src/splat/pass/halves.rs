@@ -2,7 +2,7 @@
 
 use glam::UVec2;
 
-use super::{Edges, SplatPass};
+use super::SplatPass;
 use crate::splat::{
     camera::Camera,
     draw::SplatPipeline,
@@ -57,9 +57,7 @@ impl SplatPass {
         (half, layers, depth): (&HalfLayer, &EdgeLayers, &wgpu::TextureView),
         pipeline: &SplatPipeline,
     ) {
-        if let Some(edges) = view.edges(device, queue, camera) {
-            self.edges.get_or_init(|| Edges::new(device)).encode(device, encoder, edges, layers, depth);
-        }
+        self.split_depth(device, queue, encoder, view, camera, (layers, depth));
         let EdgeLayers { farther, nearer, farther_depth, nearer_depth, .. } = layers;
         let sides = ([farther_depth, nearer_depth], half);
         let targets = [(farther, farther_depth), (nearer, nearer_depth)];

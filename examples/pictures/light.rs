@@ -1,0 +1,174 @@
+//! Pictures of light: splats among meshes, in fog, water and shadows, by several cameras.
+
+use anyhow::Result;
+use bevy::{
+    camera::Viewport,
+    pbr::{DistanceFog, FogFalloff, ScreenSpaceAmbientOcclusion},
+    post_process::dof::DepthOfField,
+    prelude::*,
+};
+use bevy_stylegaussian::prelude::*;
+
+use super::{EYE, MIDDLE, SIZE, Studio, beside};
+
+const RED: Color = Color::srgb(0.85, 0.2, 0.15);
+const YELLOW: Color = Color::srgb(0.95, 0.7, 0.15);
+const WHITE: Color = Color::srgb(0.9, 0.9, 0.88);
+const GLASS: Color = Color::srgba(0.2, 0.9, 0.5, 0.45);
+const WATER: Color = Color::srgba(0.1, 0.35, 0.45, 0.6);
+
+/// The side that the sun usually comes from.
+const SUN: Vec3 = Vec3::new(4.0, 8.0, 6.0);
+
+/// The windmill on its hill.
+const MILL: Vec3 = Vec3::new(1.75, 1.1, -1.85);
+
+/// A cloud above the island.
+const CLOUD: Vec3 = Vec3::new(-0.75, 3.0, -0.9);
+
+/// Three cubes in a row, from near to far.
+fn cubes(studio: &mut Studio) {
+    for (at, color) in [
+        (Vec3::new(2.4, 0.9, 4.2), RED),
+        (Vec3::new(-2.6, 1.0, 0.6), YELLOW),
+        (Vec3::new(0.6, 1.4, -4.6), RED),
+    ] {
+        studio.mesh(Cuboid::from_length(0.9), color, at);
+    }
+}
+
+pub fn fog(studio: &mut Studio) -> Result<()> {
+    let falloff = FogFalloff::Linear { start: 6.0, end: 15.0 };
+    let fog = DistanceFog { color: Color::srgb(0.72, 0.79, 0.84), falloff, ..default() };
+    studio.camera(EYE, MIDDLE, fog);
+    studio.sun(SUN);
+    studio.garden(());
+    cubes(studio);
+    studio.shoot_and_save("fog")
+}
+
+pub fn depth_of_field(studio: &mut Studio) -> Result<()> {
+    let (eye, to) = (Vec3::new(1.2, 1.9, 6.2), Vec3::new(0.0, 0.7, 0.0));
+    // The cottage is sharp.
+    let lens = DepthOfField { focal_distance: eye.distance(to), aperture_f_stops: 0.03, ..default() };
+    studio.camera(eye, to, (SplatDepth::default(), lens));
+    studio.sun(SUN);
+    studio.garden(());
+    cubes(studio);
+    studio.shoot_and_save("depth_of_field")
+}
+
+/// Without the depth of splats, and with it.
+fn without_and_with_depth(studio: &mut Studio, camera: Entity, name: &str) -> Result<()> {
+    let without = studio.shoot()?;
+    studio.insert(camera, SplatDepth::default());
+    let with = studio.shoot()?;
+    studio.save(name, &beside(&[without, with]))
+}
+
+pub fn ambient_occlusion(studio: &mut Studio) -> Result<()> {
+    // Ambient light alone, which is what it changes.
+    let light = AmbientLight { brightness: 900.0, ..default() };
+    let more = (ScreenSpaceAmbientOcclusion::default(), light);
+    let camera = studio.camera(Vec3::new(0.0, 4.4, 8.2), Vec3::new(0.0, -0.7, 1.6), more);
+    studio.garden(());
+    studio.mesh(Plane3d::new(Vec3::Y, Vec2::splat(9.0)), WHITE, Vec3::new(0.0, -0.9, 0.0));
+    without_and_with_depth(studio, camera, "ambient_occlusion")
+}
+
+pub fn water(studio: &mut Studio) -> Result<()> {
+    let camera = studio.camera(EYE, MIDDLE, ());
+    studio.sun(SUN);
+    studio.garden(());
+    studio.mesh(Plane3d::new(Vec3::Y, Vec2::splat(9.0)), WATER, Vec3::new(0.0, -0.6, 0.0));
+    // One pane before the scene and one behind it.
+    studio.mesh(Cuboid::new(1.4, 1.4, 0.05), GLASS, Vec3::new(-0.6, 1.4, 4.6));
+    studio.mesh(Cuboid::new(2.4, 2.4, 0.05), GLASS, Vec3::new(0.4, 1.2, -2.6));
+    without_and_with_depth(studio, camera, "water")
+}
+
+pub fn order(studio: &mut Studio) -> Result<()> {
+    let camera = studio.camera(CLOUD + Vec3::new(0.6, 0.3, 3.2), CLOUD, ());
+    studio.sun(SUN);
+    studio.garden(());
+    studio.mesh(Cuboid::new(1.0, 1.0, 0.02), GLASS, CLOUD);
+    without_and_with_depth(studio, camera, "order")
+}
+
+pub fn shadows_on_splats(studio: &mut Studio) -> Result<()> {
+    studio.camera(EYE, MIDDLE, ());
+    // Low, so that shadows are long.
+    studio.sun(Vec3::new(8.0, 4.5, 3.0));
+    studio.garden(SplatShadows { amount: 0.8 });
+    studio.mesh(Cuboid::new(0.3, 2.4, 1.2), RED, Vec3::new(2.7, 1.3, 1.4));
+    studio.mesh(Torus::new(0.35, 0.6), YELLOW, Vec3::new(1.4, 2.1, -0.4));
+    studio.shoot_and_save("shadows_on_splats")
+}
+
+pub fn shadows_of_splats(studio: &mut Studio) -> Result<()> {
+    studio.camera(Vec3::new(0.0, 6.8, 12.5), Vec3::new(-0.8, -1.6, 1.0), ());
+    // From behind, so that the shadow lies before the island.
+    studio.sun(Vec3::new(5.0, 7.0, -8.0));
+    studio.garden(SplatCaster::default());
+    studio.mesh(Plane3d::new(Vec3::Y, Vec2::splat(14.0)), WHITE, Vec3::new(0.0, -3.4, 0.0));
+    studio.shoot_and_save("shadows_of_splats")
+}
+
+pub fn tint(studio: &mut Studio) -> Result<()> {
+    studio.camera(EYE, MIDDLE, ());
+    let night = SplatTint { color: Color::srgb(0.6, 0.7, 1.0), exposure: -2.0, saturation: 0.5 };
+    studio.garden(night);
+    let lamp = SplatTint { color: Color::srgb(1.0, 0.75, 0.45), exposure: 2.5, saturation: 1.6 };
+    let around = StyleVolume::new(Sphere::new(1.5)).with_softness(1.2).with_tint(lamp);
+    studio.spawn((around, Transform::from_xyz(-0.8, 0.5, 0.5)));
+    studio.shoot_and_save("tint")
+}
+
+pub fn half_size(studio: &mut Studio) -> Result<()> {
+    let camera = studio.camera(Vec3::new(1.2, 1.7, 1.6), MILL, ());
+    studio.sun(SUN);
+    studio.garden(());
+    studio.mesh(Cuboid::from_length(0.4), RED, MILL + Vec3::new(0.1, -0.5, 0.7));
+    let whole = studio.shoot()?;
+    studio.insert(camera, SplatCuts { half_size: true, ..default() });
+    let half = studio.shoot()?;
+    studio.save("half_size", &beside(&[whole, half]))
+}
+
+pub fn msaa(studio: &mut Studio) -> Result<()> {
+    let camera = studio.camera(Vec3::new(1.0, 1.9, 3.4), Vec3::new(0.0, 0.6, 0.0), ());
+    studio.sun(SUN);
+    studio.garden(());
+    for (i, color) in [RED, YELLOW, WHITE].into_iter().enumerate() {
+        let cube = studio.mesh(Cuboid::new(0.08, 1.6, 0.08), color, Vec3::ZERO);
+        let turn = Quat::from_rotation_z(0.25 + 0.3 * i as f32);
+        studio.insert(cube, Transform::from_xyz(0.3 * i as f32, 0.7, 0.6).with_rotation(turn));
+    }
+    let off = studio.shoot()?;
+    studio.insert(camera, Msaa::Sample4);
+    let on = studio.shoot()?;
+    studio.save("msaa", &beside(&[off, on]))
+}
+
+pub fn eyes(studio: &mut Studio) -> Result<()> {
+    let half = UVec2::new(SIZE.x / 2, SIZE.y);
+    let mut first = None;
+    for (i, x) in [-0.15_f32, 0.15].into_iter().enumerate() {
+        let place = UVec2::new(i as u32 * half.x, 0);
+        let camera = Camera {
+            order: i as isize,
+            viewport: Some(Viewport { physical_position: place, physical_size: half, ..default() }),
+            // What the first camera drew stays.
+            clear_color: if i == 0 { ClearColorConfig::Default } else { ClearColorConfig::None },
+            ..default()
+        };
+        let aside = x * Vec3::X;
+        let eye = studio.camera(Vec3::new(0.0, 4.8, 13.0) + aside, MIDDLE + aside, camera);
+        match first {
+            None => first = Some(eye),
+            Some(other) => studio.insert(eye, SplatEyes(other)),
+        }
+    }
+    studio.garden(());
+    studio.shoot_and_save("eyes")
+}
