@@ -18,8 +18,9 @@ use crate::steps::target_folder;
 /// The X server without a screen.
 const SERVER: &str = "Xvfb";
 
-/// An example with neither window nor end: it writes a turntable of pictures, as `cargo xtask demo` shows.
-const WITHOUT_WINDOW: &str = "headless";
+/// Examples without a window: one flies through a world that it is given, as `cargo xtask fly` does, the other
+/// writes a turntable of pictures, as `cargo xtask demo` shows.
+const WITHOUT_WINDOW: [&str; 2] = ["fly", "headless"];
 
 /// A line that Bevy logs once it has a GPU, right before its first frame.
 const HAS_GPU: &str = "AdapterInfo";
@@ -54,7 +55,7 @@ fn names() -> Result<Vec<String>> {
             names.push(stem.to_string_lossy().into_owned());
         }
     }
-    names.retain(|name| name != WITHOUT_WINDOW);
+    names.retain(|name| !WITHOUT_WINDOW.contains(&name.as_str()));
     names.sort();
     Ok(names)
 }

@@ -1,4 +1,4 @@
-//! Set-up and chores of the workspace: `cargo xtask test | demo | bench | world | assets | fuzz | soak |
+//! Set-up and chores of the workspace: `cargo xtask test | demo | bench | world | fly | assets | fuzz | soak |
 //! web | package`.
 
 mod assets;
@@ -27,8 +27,10 @@ Usage: cargo xtask <COMMAND>
   demo     the demo scene in every shipped style, in a window; without a display, as pictures in out/demo
   bench    how fast everything is, beside what it could be: [--quick] [--json FILE] \
            [--peer BINARY] [--only WORD]
-  world    a world of any size, copies of a scene on hills, in chunks that are streamed: N -o FOLDER, of N \
-           Gaussians at the finest level; [--scene FILE]
+  world    a world of any size, copies of scenes on hills, in chunks that are streamed: --gaussians N \
+           -o FOLDER, of N Gaussians at the finest level; [SCENE...]
+  fly      a flight through a world, without a window: what its frames cost, memory, holes and popping: \
+           FOLDER [--frames N] [--budget N] [--style IMAGE] [--against-full] [--json FILE]
   assets   make everything in assets/ and the default decoder anew; needs the test data, and hours
   fuzz     every reader of files against made-up files: [TARGET...] [--seconds N], 60 each; needs nightly \
            and cargo-fuzz
@@ -57,6 +59,7 @@ fn run() -> Result<()> {
         ["demo"] => demo::run(),
         ["bench", ..] => bench::run(&arguments[1..]),
         ["world", ..] => bench::world(&arguments[1..]),
+        ["fly", ..] => bench::fly(&arguments[1..]),
         ["assets"] => assets::run(),
         ["fuzz", ..] => fuzz::run(&arguments[1..]),
         ["soak", ..] => soak::run(&arguments[1..]),
