@@ -1,4 +1,4 @@
-//! `cargo xtask bench` and `cargo xtask world`: builds the harness for speed, and calls it.
+//! `cargo xtask bench`, `cargo xtask world` and `cargo xtask fly`: builds programs for speed, and calls them.
 
 use anyhow::Result;
 
@@ -19,4 +19,11 @@ pub fn run(arguments: &[String]) -> Result<()> {
 pub fn world(arguments: &[String]) -> Result<()> {
     let maker = ["run", "--release", "--locked", "--package", "stylegaussian_bench", "--bin", "world", "--"];
     Steps::default().run("world", cargo(maker).args(arguments))
+}
+
+/// Calls the flight through a world with `arguments`. It explains them with `--help`.
+pub fn fly(arguments: &[String]) -> Result<()> {
+    let mut steps = Steps::default();
+    install_graphics(&mut steps, false)?;
+    steps.run("fly", cargo(["run", "--release", "--locked", "--example", "fly", "--"]).args(arguments))
 }

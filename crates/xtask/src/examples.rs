@@ -18,8 +18,9 @@ use crate::steps::target_folder;
 /// The X server without a screen.
 const SERVER: &str = "Xvfb";
 
-/// Examples with no window, which write pictures: `cargo xtask demo` and `cargo xtask pictures` run them.
-const WITHOUT_WINDOW: [&str; 2] = ["headless", "pictures"];
+/// Examples without a window: `cargo xtask fly` gives the first a world, and `cargo xtask demo` and `cargo xtask
+/// pictures` run the others.
+const WITHOUT_WINDOW: [&str; 3] = ["fly", "headless", "pictures"];
 
 /// A line that Bevy logs once it has a GPU, right before its first frame.
 const HAS_GPU: &str = "AdapterInfo";

@@ -1,5 +1,5 @@
-//! Set-up and chores of the workspace: `cargo xtask test | demo | pictures | bench | world | assets | fuzz |
-//! soak | web | package`.
+//! Set-up and chores of the workspace: `cargo xtask test | demo | pictures | bench | world | fly | assets |
+//! fuzz | soak | web | package`.
 
 mod assets;
 mod bench;
@@ -28,8 +28,10 @@ Usage: cargo xtask <COMMAND>
   pictures a picture of each feature, in docs/features, for docs/features.md; minutes without a GPU
   bench    how fast everything is, beside what it could be: [--quick] [--json FILE] \
            [--peer BINARY] [--only WORD]
-  world    a world of any size, copies of a scene on hills, in chunks that are streamed: N -o FOLDER, of N \
-           Gaussians at the finest level; [--scene FILE]
+  world    a world of any size, copies of scenes on hills, in chunks that are streamed: --gaussians N \
+           -o FOLDER, of N Gaussians at the finest level; [SCENE...]
+  fly      a flight through a world, without a window: what its frames cost, memory, holes and popping: \
+           FOLDER [--frames N] [--budget N] [--style IMAGE] [--against-full] [--json FILE]
   assets   make everything in assets/ and the default decoder anew; needs the test data, and hours
   fuzz     every reader of files against made-up files: [TARGET...] [--seconds N], 60 each; needs nightly \
            and cargo-fuzz
@@ -59,6 +61,7 @@ fn run() -> Result<()> {
         ["pictures"] => demo::pictures(),
         ["bench", ..] => bench::run(&arguments[1..]),
         ["world", ..] => bench::world(&arguments[1..]),
+        ["fly", ..] => bench::fly(&arguments[1..]),
         ["assets"] => assets::run(),
         ["fuzz", ..] => fuzz::run(&arguments[1..]),
         ["soak", ..] => soak::run(&arguments[1..]),

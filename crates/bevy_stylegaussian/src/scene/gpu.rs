@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bevy::{
-    platform::collections::HashMap,
+    platform::collections::{HashMap, HashSet},
     prelude::*,
     render::{renderer::RenderDevice, sync_world::MainEntityHashSet},
 };
@@ -69,9 +69,10 @@ pub(crate) fn upload_scenes(
     let scenes = &mut *scenes;
     scenes.settled = true;
     // Also drops data that a changed asset has replaced. A task that still packs it is canceled.
-    let shown = || clouds.0.values().map(|cloud| &cloud.scene);
-    scenes.of_data.retain(|&data, uploaded| {
-        let is_wanted = shown().chain(&next.0).any(|scene| address(scene) == data);
+    let shown = clouds.0.values().map(|cloud| &cloud.scene);
+    let wanted: HashSet<usize> = shown.chain(&next.0).map(address).collect();
+    scenes.of_data.retain(|data, uploaded| {
+        let is_wanted = wanted.contains(data);
         if !is_wanted {
             uploaded.asset.set_on_gpu(false);
         }

@@ -2,7 +2,10 @@
 
 use std::sync::Arc;
 
-use bevy::{platform::collections::HashMap, prelude::*};
+use bevy::{
+    platform::collections::{HashMap, HashSet},
+    prelude::*,
+};
 use stylegaussian::Scene;
 
 use super::{asset::GaussianScene, attach::LoadedScene};
@@ -21,7 +24,9 @@ impl<T> PerScene<T> {
     pub(crate) fn get_or_insert_with(&mut self, loaded: &LoadedScene, make: impl FnOnce() -> T) -> &mut T {
         let scene = loaded.scene();
         // The data that it was made from went.
-        self.0.retain(|id, (of, _)| *id != loaded.id || Arc::ptr_eq(of, scene));
+        if self.0.get(&loaded.id).is_some_and(|(of, _)| !Arc::ptr_eq(of, scene)) {
+            self.0.remove(&loaded.id);
+        }
         &mut self.0.entry(loaded.id).or_insert_with(|| (Arc::clone(scene), make())).1
     }
 
@@ -34,12 +39,14 @@ impl<T> PerScene<T> {
     /// Forgets the values of scenes that nothing `shown` is of, and those that are not to be kept.
     pub(crate) fn retain<'a>(
         &mut self,
-        shown: impl Iterator<Item = &'a LoadedScene> + Clone,
+        shown: impl Iterator<Item = &'a LoadedScene>,
         mut keep: impl FnMut(&mut T) -> bool,
     ) {
-        self.0.retain(|_, (scene, value)| {
-            shown.clone().any(|shown| Arc::ptr_eq(shown.scene(), scene)) && keep(value)
-        });
+        if self.0.is_empty() {
+            return;
+        }
+        let shown: HashSet<*const Scene> = shown.map(|shown| Arc::as_ptr(shown.scene())).collect();
+        self.0.retain(|_, (scene, value)| shown.contains(&Arc::as_ptr(scene)) && keep(value));
     }
 
     /// Whether there is none.

@@ -3,7 +3,7 @@
 use bevy::{
     platform::collections::HashMap,
     prelude::*,
-    render::{extract_component::ExtractComponent, view::RetainedViewEntity},
+    render::{extract_component::ExtractComponent, sync_world::MainEntityHashSet, view::RetainedViewEntity},
 };
 
 use super::view::ViewSplats;
@@ -61,8 +61,8 @@ pub(super) fn pair(
         let [first, second] = if own_is_first { [own, other] } else { [other, own] };
         let mut clouds = of_view.get(&first).map(|view| view.clouds.clone()).unwrap_or_default();
         let beside = of_view.get(&second).map(|view| view.clouds.as_slice()).unwrap_or_default();
-        let more: Vec<_> = beside.iter().filter(|cloud| !clouds.contains(cloud)).copied().collect();
-        clouds.extend(more);
+        let seen: MainEntityHashSet = clouds.iter().copied().collect();
+        clouds.extend(beside.iter().filter(|cloud| !seen.contains(*cloud)));
         for (key, other, is_first) in [(first, second, true), (second, first, false)] {
             if let Some(view) = of_view.get_mut(&key) {
                 view.clouds.clone_from(&clouds);

@@ -33,6 +33,10 @@ const KEPT: Duration = Duration::from_secs(5);
 /// Time in which a run fades in, and as long again in which the one before fades out: a few frames.
 const FADE: Duration = Duration::from_millis(120);
 
+/// The Gaussians as which a smaller run counts in a frame: its entity and its buffers cost time whatever its
+/// size. With the default budget, 61 runs are handed over in a frame at most.
+const LEAST_HANDED: usize = 4096;
+
 /// Notes which runs can be drawn.
 pub(super) fn note_drawable_runs(
     mut ready: MessageReader<GaussianSceneReady>,
@@ -243,9 +247,9 @@ impl Means<'_, '_> {
                 return Ok(Some(Stage::Waiting));
             };
             left.committed = committed;
-            let (levels, place) = (Arc::clone(levels), place.clone());
+            let (levels, place, n) = (Arc::clone(levels), place.clone(), tree.chunk_sizes[place.file]);
             let cutting = self.workers.start(Lane::Scenes, move |_| {
-                Ok(part_of(&scene, &levels, &place).map_err(|mismatch| mismatch.to_string()))
+                Ok(part_of(&scene, &levels, &place, n).map_err(|mismatch| mismatch.to_string()))
             });
             return Ok(Some(Stage::Cutting(cutting)));
         }
@@ -313,21 +317,20 @@ impl Means<'_, '_> {
 
     /// Counts a world.
     fn state(&self, tree: &Tree, styling: Styling) -> WorldState {
-        let count = |of: &dyn Fn(&Node) -> bool| tree.nodes.iter().filter(|node| of(node)).count();
-        let styled = |shown: Shown| match self.runs.get(shown.entity) {
-            Ok((_, _, worn)) => styling.is_worn(&worn),
-            Err(_) => true,
-        };
+        let is_styled = styling.source.is_some_and(|source| !source.is_none());
+        let is_unstyled =
+            |shown: Shown| self.runs.get(shown.entity).is_ok_and(|(_, _, worn)| !styling.is_worn(&worn));
         let loading = tree.chunks.values().filter(|chunk| !self.scenes.contains(&chunk.handle));
-        WorldState {
-            parts: tree.nodes.len(),
-            shown_parts: count(&|node| node.shown.is_some()),
-            shown: tree.nodes.iter().map(Node::n_shown).sum(),
-            arriving: tree.nodes.iter().map(Node::n_beside).sum(),
-            loading: loading.count(),
-            waiting: count(&Node::is_waiting),
-            unstyled: count(&|node| node.shown.is_some_and(|shown| !styled(shown))),
+        let mut state =
+            WorldState { parts: tree.nodes.len(), loading: loading.count(), ..WorldState::default() };
+        for node in &tree.nodes {
+            state.shown_parts += usize::from(node.shown.is_some());
+            state.shown += node.n_shown();
+            state.arriving += node.n_beside();
+            state.waiting += usize::from(node.is_waiting());
+            state.unstyled += usize::from(is_styled && node.shown.is_some_and(is_unstyled));
         }
+        state
     }
 }
 
@@ -339,7 +342,7 @@ impl Left {
 
     /// Whether a run may go to the GPU in this frame; then it counts.
     fn may_hand(&mut self, size: usize) -> bool {
-        within(&mut self.handed, size)
+        within(&mut self.handed, size.max(LEAST_HANDED))
     }
 }
 
@@ -352,10 +355,18 @@ fn within((limit, sum): &mut (usize, usize), part: usize) -> bool {
     fits
 }
 
-/// A run as a scene of its own, whose source is the run.
-fn part_of(chunk: &GaussianScene, levels: &Levels, place: &Place) -> Result<GaussianScene, Mismatch> {
+/// A run as a scene of its own, whose source is the run. Nodes want `n` Gaussians of the chunk.
+fn part_of(
+    chunk: &GaussianScene,
+    levels: &Levels,
+    place: &Place,
+    n: usize,
+) -> Result<GaussianScene, Mismatch> {
     let scene = chunk.scene();
-    levels.check_chunk(place.file, scene)?;
+    if scene.n_source < n {
+        // It walks all nodes.
+        levels.check_chunk(place.file, scene)?;
+    }
     let found = place.of(scene);
     if found.len() == scene.len() && place.range.len() == scene.n_source {
         return Ok(chunk.clone());
@@ -395,7 +406,7 @@ mod tests {
         let levels = levels([0..4, 4..10]);
         let part = |i: usize| {
             let place = levels.nodes[i].levels[0].clone().unwrap();
-            part_of(&chunk, &levels, &place).unwrap()
+            part_of(&chunk, &levels, &place, 10).unwrap()
         };
         assert_eq!(part(0).scene().means, scene.means[..2]);
         assert_eq!((&part(1).scene().means[..], part(1).scene().n_source), (&scene.means[4..], 6));
@@ -408,7 +419,7 @@ mod tests {
         let chunk = GaussianScene::new(small_scene(9, 1));
         let levels = levels([0..4, 4..10]);
         let place = levels.nodes[0].levels[0].clone().unwrap();
-        let error = part_of(&chunk, &levels, &place).unwrap_err().to_string();
+        let error = part_of(&chunk, &levels, &place, 10).unwrap_err().to_string();
         assert!(error.contains("9 Gaussians") && error.contains("10"), "{error}");
     }
 

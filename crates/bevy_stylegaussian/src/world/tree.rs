@@ -1,6 +1,6 @@
 //! The state of a world: the level that each node shows, and the one that is on its way.
 
-use std::{sync::Arc, time::Duration};
+use std::{cmp::Reverse, sync::Arc, time::Duration};
 
 use bevy::{
     asset::AssetPath,
@@ -160,10 +160,9 @@ impl Tree {
     /// The nodes that are to show another level, those in which the present one is worst first.
     pub(super) fn waiting(&self) -> Vec<usize> {
         let mut waiting: Vec<usize> = (0..self.nodes.len()).filter(|&i| self.nodes[i].is_waiting()).collect();
-        waiting.sort_by(|&a, &b| {
-            let (a, b) = (&self.nodes[a], &self.nodes[b]);
-            // A hole is worse than anything.
-            a.shown.is_some().cmp(&b.shown.is_some()).then(b.error().total_cmp(&a.error()))
+        // A hole is worse than anything. Errors are not negative, and the bits of such floats sort as they do.
+        waiting.sort_by_cached_key(|&i| {
+            (self.nodes[i].shown.is_some(), Reverse(self.nodes[i].error().to_bits()))
         });
         waiting
     }

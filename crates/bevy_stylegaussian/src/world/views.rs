@@ -95,4 +95,31 @@ mod tests {
         close(expected(&place(0.0, 1.0), &place(0.5, 1.0), 5.0), place(0.5 + MAX_TURN, 1.0));
         close(expected(&place(0.3, 1.0), &place(0.3, 1.0), 5.0), place(0.3, 1.0));
     }
+
+    /// Pixels of a box on the left in all views, a tenth of a second after the last call.
+    fn pixels(mut views: Views) -> Vec<f32> {
+        let at = 10.0 * Vec3::new(-0.8_f32.sin(), 0.0, -0.8_f32.cos());
+        let found = views.find(Duration::from_millis(100));
+        found.iter().flat_map(|views| &views.views).map(|view| view.pixels([at - 0.1, at + 0.1])).collect()
+    }
+
+    #[test]
+    fn what_a_camera_turns_to_is_seen_before_it_is_there() {
+        let mut world = World::new();
+        let camera = world.spawn(Camera3d::default()).id();
+        let mut after = |angle: f32| {
+            let place = Transform::from_rotation(Quat::from_rotation_y(angle));
+            world.entity_mut(camera).insert(GlobalTransform::from(place));
+            world.run_system_cached(pixels).unwrap()
+        };
+        // 45 degrees wide: to 0.39 rad on the left.
+        assert_eq!(after(0.0), [0.0]);
+        assert_eq!(after(0.0), [0.0], "one view of a camera that stands still");
+        // It turns by 1 rad per second, and sees from 0.21 to 0.99 rad in half a second.
+        let turning = after(0.1);
+        assert!(turning.len() == 2 && turning[0] == 0.0 && turning[1] > 0.0, "{turning:?}");
+        // There, it counts twice as much.
+        let there = after(0.6);
+        assert!((there[0] - 2.0 * turning[1]).abs() < 1e-3 * there[0], "{there:?}");
+    }
 }
