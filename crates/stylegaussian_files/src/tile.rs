@@ -39,6 +39,7 @@ mod records;
 mod tests;
 mod writer;
 
+pub(crate) use writer::append;
 pub use writer::{LeveledNode, WorldWriter};
 
 use plan::Plan;

@@ -151,8 +151,8 @@ impl WorldWriter {
     }
 }
 
-/// Adds the Gaussians of a scene to a chunk.
-fn append(chunk: &mut Scene, scene: &Scene) {
+/// Adds the Gaussians of a scene to a chunk, which is its own source.
+pub(crate) fn append(chunk: &mut Scene, scene: &Scene) {
     append_colors(chunk, scene);
     if chunk.is_empty() {
         chunk.filter = scene.filter;
