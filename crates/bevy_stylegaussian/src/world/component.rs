@@ -83,8 +83,8 @@ pub struct GaussianBudget {
 }
 
 impl Default for GaussianBudget {
-    /// 3 million Gaussians: at 56 bytes each, 168 MB in main memory, and about as much on the GPU for each
-    /// view. A million in flight, and a quarter of a million in a frame.
+    /// 3 million Gaussians: at 56 bytes each without spherical harmonics, 168 MB in main memory, and about as
+    /// much on the GPU for each view. A million in flight, and a quarter of a million in a frame.
     fn default() -> Self {
         // A Gaussian takes 14 numbers: mean, rotation, scales, opacity, and one color.
         Self { gaussians: 3_000_000, in_flight: 1_000_000, per_frame: 250_000 }

@@ -47,8 +47,8 @@ fn spherical_harmonics_are_read_back() {
         assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
         let found = loaded.scene.sh.unwrap();
         assert_eq!((found.degree, found.coefficients.len()), (degree, coefficients.len()));
-        // Each Gaussian has an entry of its own. 256 numbers from -0.5 to 0.5 move by a step at most toward what
-        // is near.
+        // Each Gaussian has an entry of its own. 256 numbers from -0.5 to 0.5 move by a step at most toward
+        // what is near.
         let rows = found.coefficients.chunks(width).zip(coefficients.chunks(width).rev());
         for (a, b) in rows.flat_map(|(found, expected)| found.iter().zip(expected)) {
             assert!((a - b).abs() < 1.5 / 255.0, "degree {degree}: {a} {b}");
