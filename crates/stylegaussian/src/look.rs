@@ -123,6 +123,30 @@ impl Look {
         self.strokes.is_some()
     }
 
+    /// The look of the Gaussians of `scene` at `indices`, as [`Scene::subset`] has them.
+    ///
+    /// # Errors
+    /// If the look belongs to another scene.
+    ///
+    /// # Panics
+    /// If an index is not below N.
+    pub fn subset(&self, scene: &Scene, indices: &[u32]) -> Result<Self, LookError> {
+        let (colors, strokes) = (self.colors_for(scene)?, self.strokes_for(scene)?);
+        // Means and their order are all that a look asks for.
+        let part = Scene {
+            means: indices.iter().map(|&i| scene.means[i as usize]).collect(),
+            order: indices.iter().map(|&i| scene.order[i as usize]).collect(),
+            n_source: scene.n_source,
+            ..Scene::default()
+        };
+        let colors: Vec<[f32; 3]> = indices.iter().map(|&i| colors[i as usize]).collect();
+        let look = Self::new(&part, &colors, self.made_from.clone());
+        Ok(match strokes {
+            Some(strokes) => look.with_strokes(&part, &strokes.subset(indices)),
+            None => look,
+        })
+    }
+
     /// Values `[N]` of the source's Gaussians in the order of `scene`.
     fn in_order<T: Copy + Default>(&self, values: &[T], scene: &Scene) -> Result<Vec<T>, LookError> {
         let expected = SceneFingerprint::of(scene);
@@ -276,6 +300,27 @@ mod tests {
         assert!(moved.means.iter().zip(&of_moved).all(|(mean, word)| mean.x as u32 == *word), "{of_moved:?}");
         assert!(look.strokes_for(&scene.subset(&[0, 1, 2])).is_err());
         assert!(!look.with_strokes(&scene, &Strokes::default()).has_strokes());
+    }
+
+    #[test]
+    fn a_part_has_its_own_colors_and_seeds() {
+        let scene = scene();
+        let colors = scene.means.iter().map(|mean| [mean.x; 3]).collect::<Vec<_>>();
+        // Seed 7 of x = 3, and so on, with other bits beside it.
+        let seed = |i: u32| StrokeSeed { look: i, ..StrokeSeed::default() };
+        let words = vec![0xABC0_0007, 0xABC0_0005, 0xABC0_0007, 0xABC0_0002];
+        let strokes = Strokes { words, seeds: (0..8).map(seed).collect(), textures: Vec::new() };
+        let look = Look::new(&scene, &colors, MadeFrom::default()).with_strokes(&scene, &strokes);
+        let indices = [3, 0, 2];
+        let part = scene.subset(&indices);
+        let found = look.subset(&scene, &indices).unwrap();
+        assert_eq!(found.colors_for(&part).unwrap(), [[1.0; 3], [3.0; 3], [2.0; 3]]);
+        let strokes = found.strokes_for(&part).unwrap().unwrap();
+        assert_eq!(strokes.seeds.len(), 2, "two of eight are used");
+        let of = |word: u32| (word & 0xFFFC_0000, strokes.seeds[(word & 0x3_FFFF) as usize]);
+        let expected = [2, 7, 7].map(|i| (0xABC0_0000, seed(i)));
+        assert_eq!(strokes.words.iter().map(|&word| of(word)).collect::<Vec<_>>(), expected);
+        assert!(look.subset(&part, &[0]).is_err());
     }
 
     #[test]

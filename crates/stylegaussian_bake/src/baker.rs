@@ -27,7 +27,7 @@ use crate::{
     },
     network::{Features, Layer, LossNetwork, Size, Sizes},
     picture::{Mask, over, strokes_over},
-    start::Start,
+    start::{Start, Whole},
     target::{LayerTarget, Paintings},
 };
 
@@ -111,6 +111,34 @@ impl Baker {
         network: LossNetwork,
         work: &Work,
     ) -> Result<Self, BakeError> {
+        Self::made(config, (scene, None), cameras, paintings, network, work)
+    }
+
+    /// As [`new`](Self::new), for a part of a larger scene, such as a chunk of a world and what is around it.
+    /// `whole` is the larger scene, in few Gaussians: it is painted first, and the part begins in its colors,
+    /// its size of strokes and its contrast, so that parts that are baked apart fit together.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), of both scenes.
+    pub fn of_part(
+        config: BakeConfig,
+        (scene, whole): (&Scene, &Scene),
+        cameras: &[Camera],
+        paintings: &[(Image, f32)],
+        network: LossNetwork,
+        work: &Work,
+    ) -> Result<Self, BakeError> {
+        Self::made(config, (scene, Some(whole)), cameras, paintings, network, work)
+    }
+
+    fn made(
+        config: BakeConfig,
+        (scene, whole): (&Scene, Option<&Scene>),
+        cameras: &[Camera],
+        paintings: &[(Image, f32)],
+        network: LossNetwork,
+        work: &Work,
+    ) -> Result<Self, BakeError> {
         let images = paintings;
         // Other random numbers than those of any step.
         let mut random = Random::new(!config.seed);
@@ -121,10 +149,14 @@ impl Baker {
         let side = config.crop as usize;
         let sizes = network.sizes(Size { width: side, height: side });
         let captured = scene.base_colors();
-        let recoloring = Recoloring::new(&cameras.colors, &paintings.colors);
+        let whole =
+            whole.map(|whole| Whole::new(whole, &config, images, &work.part(0.5, 0.6))).transpose()?;
+        let shown = whole.as_ref().map_or(&cameras.colors, |whole| &whole.colors);
+        let recoloring = Recoloring::new(shown, &paintings.colors);
         let recolored: Vec<f32> = captured.iter().flat_map(|&color| recoloring.color(color)).collect();
         let aim = ShapeAim::new(paintings.shapes, cameras.contrast(&recoloring));
-        let start = Start::new(scene, &cameras, images, recolored, config.paint, &work.part(0.6, 1.0))?;
+        let seen = (&cameras, whole.as_ref());
+        let start = Start::new(scene, seen, images, recolored, config.paint, &work.part(0.6, 1.0))?;
         let adam = Adam::new(scene.len());
         let identity = identity(&config, scene, captured.as_flattened(), &paintings, &cameras, &start);
         let none = || vec![None; network.layers().len()];

@@ -2,13 +2,14 @@
 
 use stylegaussian::{
     Scene,
-    paint::{Canvas, Hand, Painted, Surface, lay},
+    paint::{Canvas, Company, Hand, Painted, Surface, lay, lay_beside},
+    recolor::ColorMoments,
     strokes::{StrokeWord, Strokes},
     work::{Canceled, Work},
 };
 use stylegaussian_encoder::{Image, paint_of};
 
-use crate::cameras::Cameras;
+use crate::{cameras::Cameras, config::BakeConfig, error::BakeError};
 
 /// Pull of every Gaussian toward the start, relative to that of the smallest things. Without it, the colors
 /// under the strokes take up grain that competes with them.
@@ -35,14 +36,47 @@ pub(crate) struct Start {
     pub protected: Vec<f32>,
 }
 
+/// A painted scene that others are parts of: they get its colors, its size of strokes and its contrast.
+pub(crate) struct Whole {
+    /// Moments of the captured colors, as views show them.
+    pub colors: ColorMoments,
+    surface: Surface,
+    /// `None` if it has no strokes.
+    company: Option<Company>,
+}
+
+impl Whole {
+    /// Paints the scene.
+    ///
+    /// # Errors
+    /// If nothing of it is visible, or `work` is canceled.
+    pub fn new(
+        scene: &Scene,
+        config: &BakeConfig,
+        paintings: &[(Image, f32)],
+        work: &Work,
+    ) -> Result<Self, BakeError> {
+        let cameras = Cameras::survey(scene, &[], config.view, config.crop, &work.part(0.0, 0.4))?
+            .ok_or(BakeError::NothingVisible { n_gaussians: scene.len() })?;
+        let surface = surface(scene, &cameras, &work.part(0.4, 0.6))?;
+        let (canvases, hand) = (canvases(paintings), Hand::default());
+        let canvases: Vec<(&Canvas, f64)> =
+            canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
+        let painted = lay(scene, &surface, &canvases, &hand, 0.0, &work.part(0.6, 0.9))?;
+        let company = Company::new(&surface, &canvases, &hand, &painted.strokes, &work.part(0.9, 1.0))?;
+        Ok(Self { colors: cameras.colors, surface, company })
+    }
+}
+
 impl Start {
-    /// The scene between its `recolored` colors `[N * 3]` (`paint` 0, without strokes) and instant paint (1).
+    /// The scene between its `recolored` colors `[N * 3]` (`paint` 0, without strokes) and instant paint (1),
+    /// as a part of `whole` if there is one.
     ///
     /// # Errors
     /// If `work` is canceled.
     pub fn new(
         scene: &Scene,
-        cameras: &Cameras,
+        (cameras, whole): (&Cameras, Option<&Whole>),
         paintings: &[(Image, f32)],
         recolored: Vec<f32>,
         paint: f32,
@@ -52,7 +86,7 @@ impl Start {
         let mut strokes =
             Strokes { words: vec![StrokeWord::NONE.packed(); scene.len()], ..Strokes::default() };
         if paint > 0.0 {
-            let painted = painted(scene, cameras, paintings, work)?;
+            let painted = painted(scene, cameras, whole, paintings, work)?;
             for (color, painted) in colors.iter_mut().zip(painted.colors.into_iter().flatten()) {
                 *color += paint * (painted - *color);
             }
@@ -71,19 +105,33 @@ impl Start {
 fn painted(
     scene: &Scene,
     cameras: &Cameras,
+    whole: Option<&Whole>,
     paintings: &[(Image, f32)],
     work: &Work,
 ) -> Result<Painted, Canceled> {
-    // Choosing views takes seconds, so it is done once.
-    let surface = match &cameras.chosen[..] {
-        [] => Surface::new(scene, work)?,
-        chosen => Surface::seen_from(scene, chosen, work)?,
-    };
-    let canvases: Vec<(Canvas, f64)> = (paintings.iter().filter(|(_, weight)| *weight > 0.0))
-        .map(|(image, weight)| (Canvas::new(&paint_of(image)), f64::from(*weight)))
-        .collect();
+    let (canvases, hand) = (canvases(paintings), Hand::default());
     let canvases: Vec<(&Canvas, f64)> = canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
-    lay(scene, &surface, &canvases, &Hand::default(), 0.0, work)
+    if let Some(Whole { surface, company: Some(company), .. }) = whole {
+        // Both have one unit.
+        let surface = Surface::beside(scene, surface, 1.0, work)?;
+        return lay_beside(scene, &surface, &canvases, (&hand, 0.0, company), work);
+    }
+    lay(scene, &surface(scene, cameras, work)?, &canvases, &hand, 0.0, work)
+}
+
+/// The surfaces of a scene, as the bake's views show them.
+fn surface(scene: &Scene, cameras: &Cameras, work: &Work) -> Result<Surface, Canceled> {
+    // Choosing views takes seconds, so it is done once.
+    match &cameras.chosen[..] {
+        [] => Surface::new(scene, work),
+        chosen => Surface::seen_from(scene, chosen, work),
+    }
+}
+
+/// The paintings as paint is taken from them, and their weights.
+fn canvases(paintings: &[(Image, f32)]) -> Vec<(Canvas, f64)> {
+    let used = paintings.iter().filter(|(_, weight)| *weight > 0.0);
+    used.map(|(image, weight)| (Canvas::new(&paint_of(image)), f64::from(*weight))).collect()
 }
 
 /// Protection of Gaussians `[N]`, because they stand out (by their `words`) or are larger than a stroke.

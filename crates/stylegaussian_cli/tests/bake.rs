@@ -8,14 +8,21 @@ mod support;
 mod embedded;
 
 use std::{
+    collections::BTreeSet,
     fs,
+    path::Path,
     process::{Child, Command, Stdio},
     thread,
     time::{Duration, Instant},
 };
 
 use embedded::board;
-use stylegaussian_files::{read_look, write_scene};
+use stylegaussian::strokes::StrokeWord;
+use stylegaussian_files::{
+    read_look, read_scene,
+    world::{FILE, World, look_of},
+    write_scene,
+};
 use support::{Bench, Run, stylegaussian};
 
 /// A bench with the scene `a.sgs` and the painting `p.png`.
@@ -169,4 +176,55 @@ fn a_scene_of_one_gaussian_is_baked_and_an_empty_one_is_refused() {
     stylegaussian(&["bake", &empty, "--style", &painting, "-o", &output])
         .expect_error("a.ply: found no Gaussian, expected at least one");
     bench.expect_files(&["a.look.safetensors", "a.ply", "a.sgs", "p.png"]);
+}
+
+/// The board as a world of 16 nodes and more. Each chunk gets a look of its own, with what is around it.
+#[test]
+fn the_chunks_of_a_world_are_baked_one_by_one() {
+    let bench = bench();
+    let [scene, world, painting] = ["a.sgs", "world", "p.png"].map(|name| bench.path(name));
+    stylegaussian(&["tile", &scene, "-o", &world, "--levels", "2", "--chunk", "256"]).expect_success();
+    let levels = World::read(&fs::read(Path::new(&world).join(FILE)).unwrap()).unwrap();
+    assert!(levels.nodes.len() >= 16 && levels.files.len() >= 4, "{:?}", levels.files);
+    let bake = |chunk: &str, more: &[&str]| {
+        let output = bench.path(&look_of(chunk));
+        let arguments = ["bake", &world, "--chunk", chunk, "--style", &painting, "-o", &output, "--json"];
+        stylegaussian(&[&arguments[..], more].concat())
+    };
+    let scene_of = |chunk: &str| read_scene(&Path::new(&world).join(chunk)).unwrap().scene;
+    for chunk in [&levels.files[0], levels.files.last().unwrap()] {
+        let json = bake(chunk, &["--steps", "2"]).expect_success().json();
+        let (scene, look) = (scene_of(chunk), read_look(bench.path(&look_of(chunk)).as_ref()).unwrap());
+        assert_eq!(json["gaussians"], scene.len());
+        assert!(look.colors_for(&scene).unwrap().as_flattened().iter().all(|value| value.is_finite()));
+        // The seeds of the surroundings are left out.
+        let strokes = look.strokes_for(&scene).unwrap().unwrap();
+        let used: BTreeSet<u32> = strokes.words.iter().map(|word| StrokeWord::unpacked(*word).seed).collect();
+        assert_eq!(used.len(), strokes.seeds.len());
+    }
+    // A job that was killed goes on, as long as it is the same one.
+    let first = &levels.files[0];
+    let checkpoint = bench.path("0_0.checkpoint.safetensors");
+    let output = bench.path("0_0.look.safetensors");
+    assert_eq!(look_of(first), "0_0.look.safetensors");
+    let whole = fs::read(&output).unwrap();
+    let arguments = ["bake", &world, "--chunk", first, "--style", &painting, "-o", &output, "--steps", "2"];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_stylegaussian"));
+    let mut child = command.args(arguments).stderr(Stdio::null()).spawn().unwrap();
+    while !Path::new(&checkpoint).exists() && child.try_wait().unwrap().is_none() {
+        thread::sleep(Duration::from_millis(1));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    if Path::new(&checkpoint).exists() {
+        bake(first, &["--steps", "2", "--halo", "0"]).expect_error("found a bake with another scene");
+    }
+    bake(first, &["--steps", "2"]).expect_success();
+    assert!(fs::read(&output).unwrap() == whole, "a kill changes nothing");
+    bake("7_7/meta.json", &[]).expect_error("found no chunk `7_7/meta.json`");
+    for wrong in [["--budget", "9"], ["--axes", "rub"], ["--halo", "-1"]] {
+        assert_eq!(bake(first, &wrong).code, Some(2), "{wrong:?}");
+    }
+    let none = ["bake", &scene, "--chunk", first, "--style", &painting, "-o", &output];
+    stylegaussian(&none).expect_error("a.sgs: found JSON with an error");
 }

@@ -26,9 +26,16 @@ fn a_world_is_made_once_and_opens_everywhere() {
     let told = stylegaussian(&["info", &output, "--budget", &coarse, "--json"]).expect_success().json();
     assert_eq!(told["n_gaussians"], world.count(2));
     stylegaussian(&arguments).expect_error("a complete world");
+    // The scene's spherical harmonics are kept, unless fewer are asked for.
+    let degree = |world: &str| read_scene(world.as_ref()).unwrap().scene.sh.unwrap().degree;
+    let plain = bench.path("plain");
+    stylegaussian(&["tile", &scene, "-o", &plain, "--chunk", "64", "--sh-degree", "0"]).expect_success();
+    assert_eq!((degree(&output), degree(&plain)), (1, 0));
     let none = bench.path("none.ply");
     stylegaussian(&["tile", &none, "-o", &bench.path("other")]).expect_error("none.ply");
     assert!(!fs::exists(bench.path("other")).unwrap());
-    let usage = stylegaussian(&["tile", &scene, "-o", &bench.path("other"), "--cell", "0"]);
-    assert_eq!(usage.code, Some(2), "{usage:?}");
+    for wrong in [["--cell", "0"], ["--sh-degree", "4"]] {
+        let usage = stylegaussian(&[&["tile", &scene, "-o", &bench.path("other")][..], &wrong].concat());
+        assert_eq!(usage.code, Some(2), "{usage:?}");
+    }
 }

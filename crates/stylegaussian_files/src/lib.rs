@@ -52,6 +52,7 @@ mod look;
 mod mask;
 mod names;
 mod pages;
+pub mod part;
 mod pins;
 mod place;
 mod ply;

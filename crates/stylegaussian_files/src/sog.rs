@@ -28,6 +28,7 @@ use super::{
 mod chunk;
 mod levels;
 mod meta;
+mod palette;
 mod plane;
 mod write;
 

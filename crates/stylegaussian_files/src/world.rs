@@ -25,7 +25,7 @@
 //! # }
 //! ```
 
-use std::{collections::BTreeMap, ops::Range};
+use std::{collections::BTreeMap, ops::Range, path::Path};
 
 use glam::Vec3;
 use serde::Deserialize;
@@ -40,6 +40,15 @@ use crate::{
 #[cfg(test)]
 mod tests;
 mod write;
+
+/// The path of the look of a chunk in a folder of looks, by the chunk's path in [`World::files`]:
+/// `0_0.look.safetensors` for `0_0/meta.json`, `a/b.look.safetensors` for `a/b.sog`.
+pub fn look_of(file: &str) -> String {
+    match file.strip_suffix("/meta.json") {
+        Some(folder) => format!("{folder}.look.safetensors"),
+        None => Path::new(file).with_extension("look.safetensors").to_string_lossy().into_owned(),
+    }
+}
 
 /// The name of the file in a world's folder.
 pub const FILE: &str = "lod-meta.json";

@@ -4,16 +4,17 @@
 use std::{fs, path::Path};
 
 use bevy::{prelude::*, render::settings::WgpuSettings};
-use stylegaussian::Scene;
+use stylegaussian::{Look, Scene, look::MadeFrom};
 use stylegaussian_files::{
-    world::{FILE, Node as Cell, Run, World as Levels},
-    write_scene,
+    read_scene,
+    world::{FILE, Node as Cell, Run, World as Levels, look_of},
+    write_look, write_scene,
 };
 use tempfile::TempDir;
 
 use super::world::{rendering::*, *};
 use crate::{
-    GaussianScene, GaussianSplats, SplatTint, StyleGaussianPlugin,
+    AppliedStyle, GaussianScene, GaussianSplats, SplatTint, StyleGaussianPlugin, StyleSource,
     scene::LoadedScene,
     world::{GaussianBudget, GaussianWorld, GaussianWorldFailed, WorldState},
 };
@@ -277,12 +278,93 @@ fn nothing_is_lost_while_levels_change() {
     assert!(n_lit(&app) > before);
 }
 
+/// The color of a cell's Gaussians in the looks of the tests.
+fn color(level: usize, cell: usize) -> [f32; 3] {
+    [level as f32 / 4.0, cell as f32 / 4.0, 0.5]
+}
+
+/// Writes a look for each file, in the folder `looks`.
+fn write_looks(folder: &Path) {
+    fs::create_dir(folder.join("looks")).unwrap();
+    for (level, count) in COUNTS.into_iter().enumerate() {
+        let file = format!("{level}.sog");
+        let scene = read_scene(&folder.join(&file)).unwrap().scene;
+        let colors: Vec<_> = (0..scene.len()).map(|i| color(level, i / count)).collect();
+        let look = Look::new(&scene, &colors, MadeFrom::default());
+        write_look(&folder.join("looks").join(look_of(&file)), &look).unwrap();
+    }
+}
+
+#[test]
+fn runs_show_their_parts_of_the_looks_of_chunks() {
+    let mut game = Game::new(write_looks);
+    game.app.world_mut().entity_mut(game.world).insert(StyleSource::chunk_looks("looks"));
+    game.until_shown([200, 40, 8, 8]);
+    let expect = |game: &mut Game, content: f32| {
+        for (run, cell, n) in children(game.app.world_mut(), game.world) {
+            let level = COUNTS.iter().position(|count| *count == n).unwrap();
+            let scene = game.app.world().get::<LoadedScene>(run).unwrap().scene().clone();
+            let applied = game.app.world().get::<AppliedStyle>(run).expect("a look");
+            for (found, base) in applied.colors().unwrap().iter().zip(scene.base_colors()) {
+                for c in 0..3 {
+                    let expected = content * base[c] + (1.0 - content) * color(level, cell)[c];
+                    // Looks keep 256 numbers.
+                    assert!((found[c] - expected).abs() < 0.005, "cell {cell}, level {level}: {found:?}");
+                }
+            }
+        }
+    };
+    expect(&mut game, 0.0);
+    // A change of the source reaches all runs, and knobs do at once.
+    let mixed = StyleSource::chunk_looks("looks").with_content(0.5);
+    game.app.world_mut().entity_mut(game.world).insert(mixed.clone());
+    game.app.update();
+    game.until_shown([200, 40, 8, 8]);
+    expect(&mut game, 0.5);
+    game.app.world_mut().entity_mut(game.world).insert(mixed.with_strength(0.3));
+    game.app.update();
+    game.app.update();
+    for (run, ..) in children(game.app.world_mut(), game.world) {
+        assert_eq!(game.app.world().get::<StyleSource>(run).unwrap().strength, 0.3);
+    }
+    game.app.world_mut().entity_mut(game.world).remove::<StyleSource>();
+    let world = game.world;
+    update_until(&mut game.app, "no look", |app| {
+        children(app, world).iter().all(|(run, ..)| app.get::<AppliedStyle>(*run).is_none())
+    });
+}
+
+/// One look is missing and one is of another scene. The levels are shown all the same, as captured.
+#[test]
+fn looks_that_cannot_be_had_are_told_and_hold_nothing_up() {
+    let mut game = Game::new(|folder| {
+        write_looks(folder);
+        fs::remove_file(folder.join("looks/0.look.safetensors")).unwrap();
+        fs::copy(folder.join("looks/2.look.safetensors"), folder.join("looks/1.look.safetensors")).unwrap();
+    });
+    game.app.world_mut().entity_mut(game.world).insert(StyleSource::chunk_looks("looks"));
+    let mut told: Vec<GaussianWorldFailed> = Vec::new();
+    update_until(&mut game.app, "two failures", |app| {
+        told.extend(app.resource_mut::<Messages<GaussianWorldFailed>>().drain());
+        told.len() >= 2
+    });
+    game.until_shown([200, 40, 8, 8]);
+    for (run, _, n) in children(game.app.world_mut(), game.world) {
+        assert_eq!(game.app.world().get::<AppliedStyle>(run).is_some(), n == 8, "{n} Gaussians");
+    }
+    told.extend(drain::<GaussianWorldFailed>(&mut game.app));
+    told.sort_by(|a, b| a.file.cmp(&b.file));
+    let files: Vec<&str> = told.iter().map(|failed| &*failed.file).collect();
+    assert_eq!(files, ["looks/0.look.safetensors", "looks/1.look.safetensors"]);
+    assert!(told[1].error.contains("a look of another scene"), "{}", told[1].error);
+}
+
 #[cfg(feature = "images")]
 mod styled {
     use bevy::platform::collections::HashSet;
 
     use super::*;
-    use crate::{AppliedStyle, HiddenUntilStyled, StyleSource, tests::paint::noise};
+    use crate::{HiddenUntilStyled, tests::paint::noise};
 
     /// Once a cell shows paint, it shows nothing else, whatever level comes.
     #[test]

@@ -17,7 +17,8 @@ use super::{asset::WorldManifest, tree::Tree};
 /// [`StyleDecoder`](crate::style::decoder::StyleDecoder). A style reaches what is largest on screen first, and
 /// what arrives later is shown once it is painted; until then, the coarser level stays as it was painted. With
 /// [`HiddenUntilStyled`](crate::HiddenUntilStyled), the first level of a part waits for its paint as well.
-/// Pins, looks and masks are of single scenes, and do not fit a world.
+/// Pins and masks are of single scenes, and do not fit a world. Looks do if each chunk has its own
+/// ([`StyleSource::chunk_looks`](crate::StyleSource::chunk_looks)).
 ///
 /// All parts are painted to look like one scene, which some Gaussians of the coarsest levels are painted as
 /// first: in one palette, in strokes of one size and contrast. Each part searches for its strokes by itself, so
@@ -82,8 +83,8 @@ pub struct GaussianBudget {
 }
 
 impl Default for GaussianBudget {
-    /// 3 million Gaussians: at 56 bytes each, 168 MB in main memory, and about as much on the GPU for each
-    /// view. A million in flight, and a quarter of a million in a frame.
+    /// 3 million Gaussians: at 56 bytes each without spherical harmonics, 168 MB in main memory, and about as
+    /// much on the GPU for each view. A million in flight, and a quarter of a million in a frame.
     fn default() -> Self {
         // A Gaussian takes 14 numbers: mean, rotation, scales, opacity, and one color.
         Self { gaussians: 3_000_000, in_flight: 1_000_000, per_frame: 250_000 }
@@ -91,7 +92,8 @@ impl Default for GaussianBudget {
 }
 
 /// Sent if a file of a [`GaussianWorld`] cannot be shown: once for each file. The world stays as it is without
-/// it, in coarser levels where there are any, and the file is not tried again until the manifest is reloaded.
+/// it, in coarser levels where there are any, and as captured without a look; the file is not tried again until
+/// the manifest is reloaded.
 ///
 /// Written as a message and triggered on the entity for observers.
 #[derive(Message, EntityEvent, Clone, Debug, Reflect)]

@@ -18,7 +18,7 @@ impl WorldFailures<'_, '_> {
             return;
         }
         let error = if error.contains(&file) { error } else { format!("{file}: {error}") };
-        warn!("a part of a world is shown at another level, or not at all: {error}");
+        warn!("a part of a world is shown at another level, as captured, or not at all: {error}");
         let event = GaussianWorldFailed { entity, file, error };
         self.messages.write(event.clone());
         self.commands.trigger(event);

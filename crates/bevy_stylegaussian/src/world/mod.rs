@@ -10,7 +10,7 @@
 
 // This is the top room. `plan` follows manifests and chooses levels; `stream` reads chunks, cuts runs out of
 // them and swaps them, one child per run (`tree` has the state); `style` gives children what their world has,
-// and `reference` what they are painted like.
+// `reference` what they are painted like, and `looks` their parts of baked looks.
 
 use bevy::{
     camera::visibility::{RenderLayers, VisibilitySystems},
@@ -28,6 +28,7 @@ use crate::{
 mod asset;
 mod component;
 mod failure;
+mod looks;
 mod plan;
 mod reference;
 mod stream;
@@ -70,6 +71,7 @@ impl Plugin for WorldPlugin {
                         style::hand_down_transitions,
                     ),
                     reference::make_references,
+                    looks::cut_looks,
                     style::style_runs,
                 )
                     .chain()

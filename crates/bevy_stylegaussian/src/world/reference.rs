@@ -49,7 +49,8 @@ pub(super) fn make_references(
     workers: Res<Workers>,
 ) {
     for (entity, mut tree, source) in &mut worlds {
-        if source.is_none_or(StyleSource::is_none) {
+        // Looks are painted already, and what is mixed with them is painted alone.
+        if source.is_none_or(|source| source.is_none() || source.folder_of_looks().is_some()) {
             continue;
         }
         match &tree.reference {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use bevy::prelude::*;
 
 use super::{
+    looks::{Given, RunLook},
     reference::{IsReference, Painted, Reference},
     tree::{Run, Tree},
 };
@@ -15,7 +16,11 @@ use crate::style::{Beside, PaintedBeside, StyleJobs, StyleSource, StyleTransitio
 const AT_ONCE: usize = 4;
 
 /// The components of a run that say how it is styled.
-pub(super) type StyleState = (Option<&'static StyleSource>, Option<&'static StyleJobs>);
+pub(super) type StyleState =
+    (Option<&'static StyleSource>, Option<&'static StyleJobs>, Option<&'static RunLook>);
+
+/// The same, as a query gives them.
+type StyleStateItem<'a> = (Option<&'a StyleSource>, Option<&'a StyleJobs>, Option<&'a RunLook>);
 
 /// The style of a world.
 #[derive(Clone, Copy)]
@@ -27,13 +32,17 @@ pub(super) struct Styling<'a> {
 
 impl Styling<'_> {
     /// Whether a run in this state shows the style, or has failed to.
-    pub(super) fn is_worn(&self, (own, jobs): &(Option<&StyleSource>, Option<&StyleJobs>)) -> bool {
+    pub(super) fn is_worn(&self, &(own, jobs, look): &StyleStateItem<'_>) -> bool {
         let Some(source) = self.source.filter(|source| !source.is_none()) else { return true };
-        own.is_some_and(|own| own.is_computed_like(source)) && !is_busy(*jobs)
+        match Given::of(source, look) {
+            Given::There(look) => own.is_some_and(|own| own.is_part_of(source, look)) && !is_busy(jobs),
+            Given::Awaited => false,
+            Given::Absent => true,
+        }
     }
 
     /// Whether a run in this state may be shown. The first one of a node takes nothing away.
-    pub(super) fn allows(&self, state: &(Option<&StyleSource>, Option<&StyleJobs>), is_first: bool) -> bool {
+    pub(super) fn allows(&self, state: &StyleStateItem<'_>, is_first: bool) -> bool {
         (is_first && !self.hides) || self.is_worn(state)
     }
 }
@@ -44,8 +53,14 @@ fn is_busy(jobs: Option<&StyleJobs>) -> bool {
     jobs.is_none_or(|jobs| jobs.of_scene.is_empty() || !jobs.of_scene.iter().all(|job| job.is_settled()))
 }
 
-/// A run, and its style.
-type StyledRun = (Entity, &'static Run, Option<&'static mut StyleSource>, Option<&'static StyleJobs>);
+/// A run, its style, and its look.
+type StyledRun = (
+    Entity,
+    &'static Run,
+    Option<&'static mut StyleSource>,
+    Option<&'static StyleJobs>,
+    Option<&'static RunLook>,
+);
 
 /// Gives runs the style of their world: those that are largest on screen first, a few at a time.
 pub(super) fn style_runs(
@@ -55,8 +70,19 @@ pub(super) fn style_runs(
     mut runs: Query<StyledRun>,
 ) {
     let (mut waiting, mut n_busy) = (Vec::new(), 0);
-    for (entity, run, own, jobs) in &mut runs {
+    for (entity, run, own, jobs, look) in &mut runs {
         let Ok((mut tree, source)) = worlds.get_mut(run.world) else { continue };
+        let look = match source.map_or(Given::There(None), |source| Given::of(source, look)) {
+            Given::There(look) => look,
+            // What is shown stays until then.
+            Given::Awaited => continue,
+            Given::Absent => {
+                if own.is_some() {
+                    commands.entity(entity).try_remove::<(StyleSource, PaintedBeside)>();
+                }
+                continue;
+            }
+        };
         match (source, own) {
             (None, None) => {}
             (None, Some(_)) => {
@@ -64,9 +90,10 @@ pub(super) fn style_runs(
             }
             (Some(source), None) if source.is_none() => {}
             // Knobs take no time, nor does a style that goes.
-            (Some(source), Some(mut own)) if source.is_none() || own.is_computed_like(source) => {
-                if *own != *source {
-                    *own = source.clone();
+            (Some(source), Some(mut own)) if source.is_none() || own.is_part_of(source, look) => {
+                let wanted = source.for_part(look);
+                if *own != *wanted {
+                    *own = wanted.into_owned();
                 }
                 n_busy += usize::from(!source.is_none() && is_busy(jobs));
             }
@@ -74,17 +101,18 @@ pub(super) fn style_runs(
                 if tree.beside(source, &references, &mut commands).is_some() {
                     let node = run.node.and_then(|node| tree.nodes.get(node));
                     // Surroundings are everywhere.
-                    waiting.push((node.map_or(f32::MAX, |node| node.pixels), entity, run.world));
+                    let pixels = node.map_or(f32::MAX, |node| node.pixels);
+                    waiting.push((pixels, entity, run.world, look.cloned()));
                 }
             }
         }
     }
     waiting.sort_by(|(a, first, ..), (b, second, ..)| b.total_cmp(a).then(first.cmp(second)));
-    for (_, entity, world) in waiting.into_iter().take(AT_ONCE.saturating_sub(n_busy)) {
+    for (_, entity, world, look) in waiting.into_iter().take(AT_ONCE.saturating_sub(n_busy)) {
         let Ok((mut tree, Some(source))) = worlds.get_mut(world) else { continue };
         let beside = tree.beside(source, &references, &mut commands).flatten();
         let mut run = commands.entity(entity);
-        run.try_insert(source.clone());
+        run.try_insert(source.for_part(look.as_ref()).into_owned());
         match beside {
             Some(beside) => {
                 run.try_insert(PaintedBeside(beside));
@@ -105,12 +133,15 @@ impl Tree {
         references: &Query<StyleState, (With<IsReference>, Without<Run>)>,
         commands: &mut Commands,
     ) -> Option<Option<Arc<Beside>>> {
+        if source.folder_of_looks().is_some() {
+            return Some(None);
+        }
         let (child, painted) = match &mut self.reference {
             None | Some(Reference::Gathering(_)) => return None,
             Some(Reference::Absent) => return Some(None),
             Some(Reference::There { child, painted }) => (*child, painted),
         };
-        let (own, jobs) = references.get(child).ok()?;
+        let (own, jobs, _) = references.get(child).ok()?;
         if !own.is_some_and(|own| own.is_computed_like(source)) {
             commands.entity(child).try_insert(source.clone());
             return None;

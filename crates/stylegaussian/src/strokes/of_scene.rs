@@ -2,7 +2,10 @@
 
 use std::sync::Arc;
 
-use super::{seed::StrokeSeed, texture::StrokeTexture};
+use super::{
+    seed::{MAX_SEEDS, StrokeSeed, StrokeWord},
+    texture::StrokeTexture,
+};
 
 /// Strokes of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -14,3 +17,31 @@ pub struct Strokes {
     /// Textures that seeds name by their position, at most [`MAX_TEXTURES`](super::MAX_TEXTURES).
     pub textures: Vec<Arc<StrokeTexture>>,
 }
+
+impl Strokes {
+    /// The strokes of the Gaussians at `indices`, in that order, with the seeds that they use. All textures
+    /// stay. Words whose seed is not there get no strokes.
+    ///
+    /// # Panics
+    /// If an index is not below N.
+    #[must_use]
+    pub fn subset(&self, indices: &[u32]) -> Self {
+        let mut new_from_old = vec![None; self.seeds.len()];
+        let mut seeds = Vec::new();
+        let moved = |&i: &u32| {
+            let word = self.words[i as usize];
+            let old = (word & SEED) as usize;
+            let Some(seed) = self.seeds.get(old) else { return StrokeWord::NONE.packed() };
+            let new = *new_from_old[old].get_or_insert_with(|| {
+                seeds.push(*seed);
+                seeds.len() as u32 - 1
+            });
+            (word & !SEED) | new
+        };
+        let words = indices.iter().map(moved).collect();
+        Self { seeds, words, textures: self.textures.clone() }
+    }
+}
+
+/// The bits of a word that hold its seed.
+const SEED: u32 = MAX_SEEDS as u32 - 1;

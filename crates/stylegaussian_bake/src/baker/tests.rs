@@ -128,6 +128,27 @@ fn strokes_stay_as_they_are_and_colors_move_under_them() {
     assert!(baker.colors() != colors && *baker.strokes() == strokes);
 }
 
+/// A part has another mean color than the whole. Alone, it takes all of the painting's colors.
+#[test]
+fn a_part_begins_in_the_colors_of_the_whole() {
+    let mut whole = wall(24);
+    // The left half is dark, the right one bright.
+    let shade = |(i, color): (usize, [f32; 3])| color.map(|c| 0.5 * c + [0.0, 0.5][i % 24 / 12]);
+    let colors: Vec<[f32; 3]> = whole.base_colors().into_iter().enumerate().map(shade).collect();
+    whole.set_colors(&colors);
+    let part = whole.subset(&(0..24 * 24).filter(|i| i % 24 < 12).collect::<Vec<_>>());
+    let paintings = [(painting(64, dabs), 1.0)];
+    let config = BakeConfig { steps: 2, ..CONFIG };
+    let brightness = |baker: &Baker| baker.colors.iter().sum::<f32>() / baker.colors.len() as f32;
+    let alone = Baker::new(config, &part, &cameras(), &paintings, network(), &Work::default()).unwrap();
+    let mut of_part =
+        Baker::of_part(config, (&part, &whole), &cameras(), &paintings, network(), &Work::default()).unwrap();
+    let (alone, beside) = (brightness(&alone), brightness(&of_part));
+    assert!(beside < alone - 0.05, "{beside} as a part, {alone} alone");
+    of_part.step(&part);
+    assert_eq!(of_part.colors().len(), part.len());
+}
+
 #[test]
 fn losses_fall() {
     let scene = wall(24);

@@ -14,14 +14,18 @@ use serde::Serialize;
 use stylegaussian::{
     Camera, Scene,
     look::{Look, MadeFrom, Painting},
+    merge::merge,
     paint::Painted,
-    views::choose_views,
+    views::{choose_views, framing},
     work::Work,
 };
 use stylegaussian_bake::{BakeConfig, Baker, LossNetwork, Losses};
 use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
 use stylegaussian_encoder::Image;
-use stylegaussian_files::write_look;
+use stylegaussian_files::{
+    part::{Part, read_coarsest, read_part},
+    write_look,
+};
 use stylegaussian_train::{
     cameras::{CameraOptions, read_cameras_with, scaled},
     contact_sheet::contact_sheet,
@@ -41,18 +45,29 @@ const CHECKPOINT_EVERY: u32 = 50;
 /// Views on the contact sheet, and the side of its pictures, in pixels.
 const SHEET_VIEWS: usize = 3;
 const SHEET_SIDE: u32 = 320;
+/// Most Gaussians of the scene in whose colors the chunks of a world begin. More would tell the same, and every
+/// job paints it.
+const WHOLE: usize = 100_000;
 
 /// Paint a scene with a painting's own strokes, and write a look (*.look.safetensors) of it.
 ///
 /// Strokes are laid on the scene, and the colors of the Gaussians under them are optimized on random views. The
 /// state is kept in OUT.checkpoint.safetensors. Ctrl-C saves it, writes the look so far and stops; the same
-/// command then goes on.
+/// command then goes on. A world is baked chunk by chunk (--chunk).
 #[derive(Args, Debug)]
 pub struct BakeArgs {
     /// A scene in any format: `stylegaussian --help` lists them. It needs no features.
     scene: PathBuf,
     #[command(flatten)]
     reading: ReadArgs,
+    /// Bake one chunk of a world: SCENE is its folder or its lod-meta.json, and FILE the chunk's path there,
+    /// such as 0_0/meta.json. What is around it is baked along and left out of the look.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["axes", "budget"])]
+    chunk: Option<String>,
+    /// How far around most of the chunk Gaussians are baked along, in scene units. Default: a quarter of its
+    /// longest side.
+    #[arg(long, value_name = "M", requires = "chunk", value_parser = distance)]
+    halo: Option<f32>,
     /// Painting. Several give a mix, and their weights are normalized to sum 1.
     #[arg(long = "style", value_name = "S[:WEIGHT]", num_args = 1.., required = true)]
     styles: Vec<WeightedPath>,
@@ -120,6 +135,33 @@ impl From<Losses> for LastLosses {
     }
 }
 
+/// What is baked.
+struct Subject {
+    scene: Scene,
+    /// If it is of a world: the chunk that its first Gaussians are, and the whole, coarse.
+    of_world: Option<(Scene, Scene)>,
+}
+
+impl Subject {
+    /// The scene that the look is of.
+    fn shown(&self) -> &Scene {
+        self.of_world.as_ref().map_or(&self.scene, |(chunk, _)| chunk)
+    }
+
+    /// The look of a bake so far.
+    fn look(&self, baker: &Baker, made_from: MadeFrom) -> Look {
+        let (shown, colors, strokes) = (self.shown(), baker.colors(), baker.strokes());
+        let look = Look::new(shown, &colors[..shown.len()], made_from);
+        match self.of_world {
+            None => look.with_strokes(shown, strokes),
+            Some(_) => {
+                let indices: Vec<u32> = (0..shown.len() as u32).collect();
+                look.with_strokes(shown, &strokes.subset(&indices))
+            }
+        }
+    }
+}
+
 /// Runs the command.
 ///
 /// # Errors
@@ -133,15 +175,19 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     let checkpoint = checkpoint_of(output);
     expect_files([&**output, &*checkpoint].into_iter().chain(arguments.sheet.as_deref()))?;
     let paintings = arguments.paintings()?;
-    let mut scene = arguments.reading.read(path)?.scene;
-    let cameras = arguments.cameras(&scene)?;
-    arguments.framing.tell(&mut scene);
-    if cameras.is_empty() && scene.cameras.is_empty() {
-        arguments.framing.warn(&scene, path);
+    let subject = arguments.subject()?;
+    let scene = &subject.scene;
+    let cameras = arguments.cameras(scene)?;
+    if cameras.is_empty() && scene.cameras.is_empty() && subject.of_world.is_none() {
+        arguments.framing.warn(scene, path);
     }
     let config = arguments.config(scene.len());
-    let mut baker = Baker::new(config, &scene, &cameras, &paintings, arguments.network()?, &Work::default())
-        .with_context(|| path.display().to_string())?;
+    let (network, work) = (arguments.network()?, Work::default());
+    let baker = match &subject.of_world {
+        None => Baker::new(config, scene, &cameras, &paintings, network, &work),
+        Some((_, whole)) => Baker::of_part(config, (scene, whole), &cameras, &paintings, network, &work),
+    };
+    let mut baker = baker.with_context(|| path.display().to_string())?;
     let (colors, strokes) = (baker.colors().to_vec(), baker.strokes().clone());
     let start = Painted { colors, strokes, ..Painted::default() };
     if checkpoint.exists() {
@@ -150,9 +196,8 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     }
     // Before the first step, so that a full disk is found at once.
     baker.save(&checkpoint)?;
-    let losses = bake(&mut baker, &scene, config.steps, &checkpoint, interrupt);
-    let look = Look::new(&scene, baker.colors(), arguments.made_from(baker.steps()));
-    let look = look.with_strokes(&scene, baker.strokes());
+    let losses = bake(&mut baker, scene, config.steps, &checkpoint, interrupt);
+    let look = subject.look(&baker, arguments.made_from(baker.steps()));
     let kept =
         || format!("what was saved of the bake is in {}; the same command goes on", checkpoint.display());
     write_look(output, &look).with_context(kept)?;
@@ -164,7 +209,7 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     );
     if let Some(sheet) = &arguments.sheet {
         let end = Painted { colors: baker.colors().to_vec(), ..start.clone() };
-        write_sheet(sheet, &scene, &cameras, &paintings, [&start, &end])?;
+        write_sheet(sheet, scene, &cameras, &paintings, [&start, &end])?;
     }
     // Last, since it is what a failure above could be repaired from.
     if let Err(error) = fs::remove_file(&checkpoint) {
@@ -173,7 +218,7 @@ pub fn run(arguments: &BakeArgs, interrupt: &Interrupt) -> Result<()> {
     let baked = Baked {
         scene: path,
         output,
-        gaussians: scene.len(),
+        gaussians: subject.shown().len(),
         steps: baker.steps(),
         seconds: began.elapsed().as_secs_f64(),
         losses: losses.map(LastLosses::from),
@@ -235,7 +280,33 @@ fn strength(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| "expected a number from 0 to 2".into())
 }
 
+/// A finite distance, 0 or more.
+fn distance(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|number: &f32| number.is_finite() && *number >= 0.0);
+    number.ok_or_else(|| "expected a number of 0 or more".into())
+}
+
 impl BakeArgs {
+    /// Reads what is baked, and says what its cameras frame.
+    fn subject(&self) -> Result<Subject> {
+        let Some(file) = &self.chunk else {
+            let mut scene = self.reading.read(&self.scene)?.scene;
+            self.framing.tell(&mut scene);
+            return Ok(Subject { scene, of_world: None });
+        };
+        let Part { chunk, with_halo: mut scene, mut warnings } = read_part(&self.scene, file, self.halo)?;
+        let (whole, of_whole) = read_coarsest(&self.scene)?;
+        let others: Vec<String> =
+            of_whole.into_iter().filter(|warning| !warnings.contains(warning)).collect();
+        warnings.extend(others);
+        warn(&warnings);
+        self.framing.tell(&mut scene);
+        // The halo is for the pictures at the border.
+        scene.frame = scene.frame.or_else(|| framing(&chunk).map(|framing| framing.frame));
+        let whole = if whole.len() > WHOLE { merge(&whole, WHOLE, &Work::default())? } else { whole };
+        Ok(Subject { scene, of_world: Some((chunk, whole)) })
+    }
+
     fn config(&self, n_gaussians: usize) -> BakeConfig {
         let default = BakeConfig::for_scene(n_gaussians);
         let config = BakeConfig { steps: self.steps.unwrap_or(default.steps), seed: self.seed, ..default };
@@ -316,6 +387,14 @@ mod tests {
     #[test]
     fn checkpoints_lie_beside_looks() {
         assert_eq!(checkpoint_of(Path::new("a/b.look.safetensors")), Path::new("a/b.checkpoint.safetensors"));
+    }
+
+    #[test]
+    fn halos_begin_at_0() {
+        assert_eq!((distance("0"), distance("2.5")), (Ok(0.0), Ok(2.5)));
+        for text in ["-1", "nan", "inf", ""] {
+            assert!(distance(text).is_err(), "{text}");
+        }
     }
 
     #[test]

@@ -47,6 +47,11 @@ pub struct TileArgs {
     /// The largest side of a part, in scene units [default: any].
     #[arg(long, value_name = "M", value_parser = size)]
     cell: Option<f32>,
+    /// The highest degree of spherical harmonics that is kept: 0 is the base color. They take disk, 360 of 472
+    /// bytes per Gaussian at degree 3 while scenes are sorted, and memory.
+    #[arg(long, value_name = "0..3", default_value_t = TileOptions::default().sh_degree,
+        value_parser = clap::value_parser!(u8).range(0..=3))]
+    sh_degree: u8,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -78,6 +83,7 @@ pub fn run(arguments: &TileArgs, interrupt: &Interrupt) -> Result<()> {
         n_levels: arguments.levels as usize,
         chunk: arguments.chunk as usize,
         cell: arguments.cell,
+        sh_degree: arguments.sh_degree,
     };
     let key = key(scenes, reading)?;
     let slices = scenes.iter().flat_map(|path| slices(path, reading));

@@ -14,7 +14,7 @@ use super::{
 };
 
 /// Entries of a palette in one row of its plane.
-const PALETTE_COLUMNS: usize = 64;
+pub(super) const PALETTE_COLUMNS: usize = 64;
 
 /// The alpha of a rotation whose first component is the largest.
 pub(super) const FIRST_TAG: u8 = 252;

@@ -7,11 +7,16 @@ use image_webp::{ColorType, WebPEncoder};
 use rayon::prelude::*;
 use serde_json::json;
 use stylegaussian::{
-    scene::{Scene, ScreenFilter},
+    scene::{Scene, ScreenFilter, Sh},
     sh,
 };
 
-use super::{META, chunk::FIRST_TAG, plane::MAX_SIDE};
+use super::{
+    META,
+    chunk::{FIRST_TAG, PALETTE_COLUMNS},
+    palette::{Entries, MOST},
+    plane::MAX_SIDE,
+};
 use crate::{
     archive::write_stored,
     distant,
@@ -28,11 +33,15 @@ const ROUNDS: usize = 8;
 /// The least logarithm of a scale, e^-20: that of a flat Gaussian's thickness would take all codes for itself.
 const THINNEST: f32 = -20.0;
 
+/// The planes of spherical harmonics above degree 0.
+const CENTROIDS: &str = "shN_centroids.webp";
+const LABELS: &str = "shN_labels.webp";
+
 /// Widths of planes are multiples of it, as in the files of PlayCanvas.
 const BLOCK: usize = 4;
 
-/// Writes a bundle: Gaussians in the source's order, with colors of degree 0. Higher spherical harmonics,
-/// features, neighbors and decoder have no place in the file.
+/// Writes a bundle: Gaussians in the source's order, with colors and spherical harmonics. Features, neighbors
+/// and decoder have no place in the file.
 pub(super) fn write(
     out: &mut dyn Write,
     scene: &Scene,
@@ -68,24 +77,67 @@ pub(crate) fn files(scene: &Scene) -> Result<Vec<(&'static str, Vec<u8>)>, Misma
         [x, y, z, 255]
     };
     let with = |[r, g, b]: [u8; 3], alpha: u8| [r, g, b, alpha];
-    let texels: [(&str, &Texel); 5] = [
-        ("means_l.webp", &|i| byte(i, 0)),
-        ("means_u.webp", &|i| byte(i, 8)),
-        ("quats.webp", &|i| quaternion(scene.rotations[rows[i]])),
-        ("scales.webp", &|i| with(scale_book.codes(&scales[i]), 255)),
-        ("sh0.webp", &|i| with(dc_book.codes(&dc[i]), opacity(rows[i]))),
+    let higher = scene.sh.as_ref().filter(|sh| sh.degree > 0).map(Higher::new);
+    let [n_centroids, centroids_width] = higher.as_ref().map_or([0; 2], Higher::size);
+    let centroid = |i: usize| higher.as_ref().map_or([0; 4], |higher| with(higher.codes(i), 255));
+    let label = |i: usize| {
+        let label = higher.as_ref().map_or(0, |higher| higher.entries.labels[rows[i]]);
+        let [low, high] = label.to_le_bytes();
+        [low, high, 0, 255]
+    };
+    let texels: [(&str, [usize; 2], &Texel); 7] = [
+        ("means_l.webp", [n, width], &|i| byte(i, 0)),
+        ("means_u.webp", [n, width], &|i| byte(i, 8)),
+        ("quats.webp", [n, width], &|i| quaternion(scene.rotations[rows[i]])),
+        ("scales.webp", [n, width], &|i| with(scale_book.codes(&scales[i]), 255)),
+        ("sh0.webp", [n, width], &|i| with(dc_book.codes(&dc[i]), opacity(rows[i]))),
+        (CENTROIDS, [n_centroids, centroids_width], &centroid),
+        (LABELS, [n, width], &label),
     ];
+    let n_planes = if higher.is_some() { 7 } else { 5 };
     // Each plane is packed by one thread, but they side by side.
-    let planes: Result<Vec<_>, Mismatch> =
-        texels.par_iter().map(|(name, texel)| Ok((*name, plane(n, width, *texel)?))).collect();
-    let meta = json!({
+    let planes: Result<Vec<_>, Mismatch> = texels[..n_planes]
+        .par_iter()
+        .map(|(name, [n, width], texel)| Ok((*name, plane(*n, *width, *texel)?)))
+        .collect();
+    let mut meta = json!({
         "version": 2, "count": n, "antialias": scene.filter == ScreenFilter::Antialiased,
         "means": {"mins": mins, "maxs": maxs, "files": ["means_l.webp", "means_u.webp"]},
         "scales": {"codebook": scale_book.0, "files": ["scales.webp"]},
         "quats": {"files": ["quats.webp"]},
         "sh0": {"codebook": dc_book.0, "files": ["sh0.webp"]},
     });
+    if let Some(Higher { degree, book, .. }) = &higher {
+        let n_entries = n_centroids / (sh::n_coefficients(*degree) - 1);
+        meta["shN"] =
+            json!({"count": n_entries, "bands": degree, "codebook": book.0, "files": [CENTROIDS, LABELS]});
+    }
     Ok([(META, meta.to_string().into_bytes())].into_iter().chain(planes?).collect())
+}
+
+/// Spherical harmonics above degree 0.
+struct Higher {
+    degree: u8,
+    entries: Entries,
+    book: Codebook,
+}
+
+impl Higher {
+    fn new(sh: &Sh) -> Self {
+        let entries = Entries::new(sh, MOST);
+        let book = Codebook::new(entries.values.as_chunks::<3>().0);
+        Self { degree: sh.degree, entries, book }
+    }
+
+    /// Texels of the plane of entries, and its width: whole entries, the same number in each row.
+    fn size(&self) -> [usize; 2] {
+        [self.entries.values.len() / 3, PALETTE_COLUMNS * (sh::n_coefficients(self.degree) - 1)]
+    }
+
+    /// The codes of texel `i`: a coefficient of red, green and blue.
+    fn codes(&self, i: usize) -> [u8; 3] {
+        self.book.codes(&self.entries.values.as_chunks::<3>().0[i])
+    }
 }
 
 /// sign(v) ln (1 + |v|).

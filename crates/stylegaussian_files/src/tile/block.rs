@@ -6,13 +6,14 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use stylegaussian::{scene::Scene, work::Work};
 
 use super::{
     TileError, TileOptions, nodes,
     plan::{Plan, block_file},
-    records::{self, Record, records as records_of},
+    records,
     writer::LeveledNode,
 };
 use crate::{
@@ -51,10 +52,10 @@ pub(super) fn level(
         return Ok(());
     }
     let source = block_file(partial, block);
-    let scene = records::scene(&records::read(&source, n)?, plan.filter());
+    let scene = records::scene(&records::read(&source, n, plan.degree)?, plan.degree, plan.filter());
     let nodes = nodes(&scene, options, work)?;
     drop(scene);
-    write(&leveled_file(partial, block), &nodes)?;
+    write(&leveled_file(partial, block), &nodes, plan.degree)?;
     let counts = nodes.iter().map(|node| node.levels.iter().map(Scene::len).collect()).collect();
     let bytes = serde_json::to_vec(&Nodes { counts }).expect("numbers, which JSON holds");
     write_atomically(&done, |out| out.write_all(&bytes))?;
@@ -64,11 +65,13 @@ pub(super) fn level(
 }
 
 /// Writes the Gaussians of all nodes at all levels, and syncs them.
-fn write(path: &Path, nodes: &[LeveledNode]) -> Result<(), FileError> {
+fn write(path: &Path, nodes: &[LeveledNode], degree: u8) -> Result<(), FileError> {
     let at = |source| FileError::Io { path: path.into(), source };
     let mut out = BufWriter::with_capacity(1 << 20, File::create(path).map_err(at)?);
+    let mut record = vec![0.0; records::width(degree)];
     for scene in nodes.iter().flat_map(|node| &node.levels) {
-        for record in records_of(scene, glam::Vec3::ZERO) {
+        for i in 0..scene.len() {
+            records::fill(&mut record, scene, i, Vec3::ZERO);
             out.write_all(bytemuck::cast_slice(&record)).map_err(at)?;
         }
     }
@@ -98,12 +101,12 @@ pub(super) fn read(
     }
     // The size of the file is compared with it before anything is allocated.
     let total = counts.iter().flatten().fold(0_usize, |sum, &n| sum.saturating_add(n));
-    let all = records::read(&leveled_file(partial, block), total)?;
-    let mut rest: &[Record] = &all;
+    let all = records::read(&leveled_file(partial, block), total, plan.degree)?;
+    let mut rest: &[f32] = &all;
     let mut take = |n: usize| {
-        let (taken, left) = rest.split_at(n);
+        let (taken, left) = rest.split_at(n * records::width(plan.degree));
         rest = left;
-        records::scene(taken, plan.filter())
+        records::scene(taken, plan.degree, plan.filter())
     };
     let node = |levels: &Vec<usize>| LeveledNode::new(levels.iter().map(|&n| take(n)).collect());
     Ok(counts.iter().map(node).collect())

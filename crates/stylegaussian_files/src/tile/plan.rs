@@ -17,7 +17,7 @@ use stylegaussian::{
 
 use super::{
     PARTIAL, TileError, TileOptions, is_complete,
-    records::{Record, mean, records},
+    records::{self, mean, width},
     writer::expect_empty,
 };
 use crate::{
@@ -48,8 +48,8 @@ const OUTSIDE: f64 = 0.001;
 /// Records that are read at a time.
 const AT_A_TIME: usize = 1 << 16;
 
-/// Records that wait for their files, in all blocks together: 64 MB.
-const WAITING: usize = 1 << 20;
+/// Numbers of records that wait for their files, in all blocks together: 64 MB.
+const WAITING: usize = 1 << 24;
 
 /// Blocks into which Gaussians were sorted.
 #[derive(Debug, Deserialize, Serialize)]
@@ -57,6 +57,8 @@ pub(super) struct Plan {
     /// The caller's key and the options.
     key: String,
     is_antialiased: bool,
+    /// The degree of all spherical harmonics: the highest of the scenes, as far as it is kept.
+    pub degree: u8,
     /// Gaussians of each block.
     pub counts: Vec<usize>,
     pub warnings: Vec<String>,
@@ -82,7 +84,7 @@ impl Plan {
             let bytes = fs::read(&path).map_err(|source| FileError::Io { path: path.clone(), source })?;
             let plan: Self =
                 json::parse(&bytes, "the plan of an interrupted tiling").map_err(|error| error.at(&path))?;
-            if plan.key != key {
+            if plan.key != key || plan.degree > options.sh_degree {
                 let expected = "those of this one: call it as before, or remove the folder";
                 return Err(mismatch("scenes or options of another call", expected).at(&partial).into());
             }
@@ -99,15 +101,16 @@ impl Plan {
         }
         fs::create_dir(&partial).map_err(at)?;
         let all = partial.join(ALL);
-        let read = Everything::read(slices, &all, &work.part(0.0, 0.5))?;
+        let read = Everything::read(slices, &all, options.sh_degree, &work.part(0.0, 0.5))?;
         if read.n == 0 {
             return Err(mismatch("no Gaussian", "at least one").at(folder).into());
         }
         let curve = Curve::new(read.sample, read.n, options.chunk);
-        let counts = curve.sort(&all, read.n, &partial, &work.part(0.5, 1.0))?;
+        let degree = read.runs.iter().map(|run| run.degree).max().unwrap_or(0);
+        let counts = curve.sort(&all, (&read.runs[..], degree), &partial, &work.part(0.5, 1.0))?;
         fs::remove_file(&all).map_err(|source| FileError::Io { path: all.clone(), source })?;
         let is_antialiased = read.filter == Some(ScreenFilter::Antialiased);
-        let plan = Self { key, is_antialiased, counts, warnings: read.warnings };
+        let plan = Self { key, is_antialiased, degree, counts, warnings: read.warnings };
         let bytes = serde_json::to_vec(&plan).expect("texts and numbers, which JSON holds");
         write_atomically(&path, |out| out.write_all(&bytes))?;
         Ok(plan)
@@ -119,10 +122,18 @@ pub(super) fn block_file(partial: &Path, block: usize) -> PathBuf {
     partial.join(format!("block_{block}.raw"))
 }
 
+/// Records of one degree that follow one another.
+struct DegreeRun {
+    degree: u8,
+    n: usize,
+}
+
 /// All Gaussians in one file, in the order in which they came.
 #[derive(Default)]
 struct Everything {
     n: usize,
+    /// Each with the coefficients of its scene, whose degree is known once its first slice is there.
+    runs: Vec<DegreeRun>,
     /// Means of every so many Gaussians.
     sample: Vec<Vec3>,
     filter: Option<ScreenFilter>,
@@ -133,6 +144,7 @@ impl Everything {
     fn read(
         slices: impl Iterator<Item = Result<Loaded, FileError>>,
         path: &Path,
+        most_degree: u8,
         work: &Work,
     ) -> Result<Self, TileError> {
         let at = |source| FileError::Io { path: path.into(), source };
@@ -146,7 +158,14 @@ impl Everything {
             read.note(&scene);
             // Chunks have one origin: the first scene's.
             let offset = scene.offset - *origin.get_or_insert(scene.offset);
-            for record in records(&scene, offset.as_vec3()) {
+            let degree = records::degree(&scene).min(most_degree);
+            match read.runs.last_mut().filter(|run| run.degree == degree) {
+                Some(run) => run.n += scene.len(),
+                None => read.runs.push(DegreeRun { degree, n: scene.len() }),
+            }
+            let mut record = vec![0.0; width(degree)];
+            for i in 0..scene.len() {
+                records::fill(&mut record, &scene, i, offset.as_vec3());
                 out.write_all(bytemuck::cast_slice(&record)).map_err(at)?;
                 if read.n.is_multiple_of(stride) {
                     read.sample.push(mean(&record));
@@ -179,9 +198,6 @@ impl Everything {
             self.filter = Some(ScreenFilter::Classic);
         }
         self.filter.get_or_insert(scene.filter);
-        if scene.sh.as_ref().is_some_and(|sh| sh.degree > 0) {
-            self.warn("chunks keep no spherical harmonics beyond degree 0: they are left out".into());
-        }
         if scene.features.is_some() {
             self.warn("chunks keep no features, neighbors or decoder: they are left out".into());
         }
@@ -229,28 +245,44 @@ impl Curve {
         morton::code(cell.x as u32, cell.y as u32, cell.z as u32)
     }
 
-    /// Writes each of the `n` Gaussians in the file `all` to its block's. Returns the size of each block.
-    fn sort(&self, all: &Path, n: usize, partial: &Path, work: &Work) -> Result<Vec<usize>, TileError> {
+    /// Writes each Gaussian in the file `all`, which has these runs, to its block's, with coefficients of this
+    /// degree. Returns the size of each block.
+    fn sort(
+        &self,
+        all: &Path,
+        (runs, degree): (&[DegreeRun], u8),
+        partial: &Path,
+        work: &Work,
+    ) -> Result<Vec<usize>, TileError> {
         let at = |source| FileError::Io { path: all.into(), source };
         let mut file = File::open(all).map_err(at)?;
         let n_blocks = self.borders.len() + 1;
         let mut blocks: Vec<Block> =
             (0..n_blocks).map(|block| Block::new(block_file(partial, block))).collect();
-        let most = (WAITING / n_blocks).max(64);
-        let mut chunk: Vec<Record> = Vec::new();
-        for begin in (0..n).step_by(AT_A_TIME) {
-            work.at(begin as f32 / n as f32)?;
-            chunk.resize(AT_A_TIME.min(n - begin), Record::default());
-            file.read_exact(bytemuck::cast_slice_mut(&mut chunk)).map_err(at)?;
-            let block_of =
-                |record: &Record| self.borders.partition_point(|&border| border <= self.code(mean(record)));
-            let found: Vec<usize> = chunk.par_iter().map(block_of).collect();
-            for (record, block) in chunk.iter().zip(found) {
-                let block = &mut blocks[block];
-                block.waiting.push(*record);
-                if block.waiting.len() >= most {
-                    block.append(false)?;
+        let most = (WAITING / n_blocks).max(64 * width(degree));
+        let n: usize = runs.iter().map(|run| run.n).sum();
+        let (mut chunk, mut done): (Vec<f32>, usize) = (Vec::new(), 0);
+        for run in runs {
+            let lacking = width(degree) - width(run.degree);
+            for begin in (0..run.n).step_by(AT_A_TIME) {
+                work.at(done as f32 / n as f32)?;
+                let n_read = AT_A_TIME.min(run.n - begin);
+                chunk.resize(n_read * width(run.degree), 0.0);
+                file.read_exact(bytemuck::cast_slice_mut(&mut chunk)).map_err(at)?;
+                let block_of = |record: &[f32]| {
+                    self.borders.partition_point(|&border| border <= self.code(mean(record)))
+                };
+                let found: Vec<usize> = chunk.par_chunks_exact(width(run.degree)).map(block_of).collect();
+                for (record, block) in chunk.chunks_exact(width(run.degree)).zip(found) {
+                    let block = &mut blocks[block];
+                    block.waiting.extend_from_slice(record);
+                    block.waiting.resize(block.waiting.len() + lacking, 0.0);
+                    block.n += 1;
+                    if block.waiting.len() >= most {
+                        block.append(false)?;
+                    }
                 }
+                done += n_read;
             }
         }
         blocks.iter_mut().try_for_each(|block| block.append(true))?;
@@ -265,7 +297,8 @@ const LAST_CELL: f64 = ((1_u32 << 21) - 1) as f64;
 struct Block {
     path: PathBuf,
     n: usize,
-    waiting: Vec<Record>,
+    /// Records that are not written yet.
+    waiting: Vec<f32>,
 }
 
 impl Block {
@@ -276,14 +309,13 @@ impl Block {
     /// Appends what waits to the file, which is open for that long alone: there may be thousands. `is_last`
     /// syncs it, so that it is there whenever the plan is.
     fn append(&mut self, is_last: bool) -> Result<(), FileError> {
-        let append = |path: &Path, waiting: &[Record]| {
+        let append = |path: &Path, waiting: &[f32]| {
             let mut file = OpenOptions::new().append(true).create(true).open(path)?;
             file.write_all(bytemuck::cast_slice(waiting))?;
             if is_last { file.sync_all() } else { Ok(()) }
         };
         let appended = append(&self.path, &self.waiting);
         appended.map_err(|source| FileError::Io { path: self.path.clone(), source })?;
-        self.n += self.waiting.len();
         self.waiting.clear();
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! Gaussians on disk while they are sorted: 14 numbers each, for this machine alone.
+//! Gaussians on disk while they are sorted: numbers, for this machine alone.
 
 use std::{fs::File, io::Read, path::Path};
 
@@ -11,38 +11,48 @@ use stylegaussian::{
 
 use crate::error::{FileError, mismatch};
 
-/// Mean, rotation, scales, opacity, and the coefficients of degree 0.
-pub(super) type Record = [f32; 14];
+/// The place of the coefficients in a record, after mean, rotation, scales and opacity.
+const COEFFICIENTS: usize = 11;
 
-/// The records of a scene, whose means are moved by `offset`.
-pub(super) fn records(scene: &Scene, offset: Vec3) -> impl Iterator<Item = Record> {
-    (0..scene.len()).map(move |i| {
-        let mean = (scene.means[i] + offset).to_array();
-        let rotation = scene.rotations[i].to_array();
-        let scales = scene.scales[i].to_array();
-        // Mid-gray if there are no colors.
-        let dc = scene.sh.as_ref().map_or([0.0; 3], |sh| {
-            let at = 3 * sh::n_coefficients(sh.degree) * i;
-            [0, 1, 2].map(|channel| sh.coefficients[at + channel])
-        });
-        let mut record = [0.0; 14];
-        let values = mean.iter().chain(&rotation).chain(&scales).chain([&scene.opacities[i]]).chain(&dc);
-        record.iter_mut().zip(values).for_each(|(place, value)| *place = *value);
-        record
-    })
+/// Numbers of a record whose coefficients end at this degree: 14 for degree 0, 59 for degree 3.
+pub(super) const fn width(degree: u8) -> usize {
+    COEFFICIENTS + 3 * sh::n_coefficients(degree)
 }
 
-/// The scene of these records.
-pub(super) fn scene(records: &[Record], filter: ScreenFilter) -> Scene {
-    let n = records.len();
+/// The degree of a scene's spherical harmonics, 0 if there are none.
+pub(super) fn degree(scene: &Scene) -> u8 {
+    scene.sh.as_ref().map_or(0, |sh| sh.degree)
+}
+
+/// Writes Gaussian `i` of a scene, whose mean is moved by `offset`, to `record` `[width]`. Coefficients that do
+/// not fit are left out, and those that the scene lacks are 0: mid-gray, the same from every side.
+pub(super) fn fill(record: &mut [f32], scene: &Scene, i: usize, offset: Vec3) {
+    let (geometry, coefficients) = record.split_at_mut(COEFFICIENTS);
+    let mean = (scene.means[i] + offset).to_array();
+    let rotation = scene.rotations[i].to_array();
+    let scales = scene.scales[i].to_array();
+    let values = mean.iter().chain(&rotation).chain(&scales).chain([&scene.opacities[i]]);
+    geometry.iter_mut().zip(values).for_each(|(place, value)| *place = *value);
+    coefficients.fill(0.0);
+    if let Some(sh) = &scene.sh {
+        let stored = 3 * sh::n_coefficients(sh.degree);
+        let values = &sh.coefficients[stored * i..][..stored];
+        coefficients.iter_mut().zip(values).for_each(|(place, value)| *place = *value);
+    }
+}
+
+/// The scene of records `[n, width(degree)]`.
+pub(super) fn scene(records: &[f32], degree: u8, filter: ScreenFilter) -> Scene {
+    let rows = || records.chunks_exact(width(degree));
+    let n = rows().len();
     Scene {
-        means: records.iter().map(|record| Vec3::from_slice(&record[..3])).collect(),
-        rotations: records.iter().map(|record| Quat::from_slice(&record[3..7])).collect(),
-        scales: records.iter().map(|record| Vec3::from_slice(&record[7..10])).collect(),
-        opacities: records.iter().map(|record| record[10]).collect(),
+        means: rows().map(mean).collect(),
+        rotations: rows().map(|record| Quat::from_slice(&record[3..7])).collect(),
+        scales: rows().map(|record| Vec3::from_slice(&record[7..10])).collect(),
+        opacities: rows().map(|record| record[10]).collect(),
         sh: Some(Sh {
-            degree: 0,
-            coefficients: records.iter().flat_map(|record| &record[11..]).copied().collect(),
+            degree,
+            coefficients: rows().flat_map(|record| &record[COEFFICIENTS..]).copied().collect(),
         }),
         order: (0..n as u32).collect(),
         n_source: n,
@@ -52,24 +62,25 @@ pub(super) fn scene(records: &[Record], filter: ScreenFilter) -> Scene {
 }
 
 /// The mean of a record.
-pub(super) fn mean(record: &Record) -> Vec3 {
+pub(super) fn mean(record: &[f32]) -> Vec3 {
     Vec3::from_slice(&record[..3])
 }
 
-/// Reads a file of `n` records.
+/// Reads a file of `n` records `[n, width(degree)]`.
 ///
 /// # Errors
 /// If it has another size, or cannot be read.
-pub(super) fn read(path: &Path, n: usize) -> Result<Vec<Record>, FileError> {
+pub(super) fn read(path: &Path, n: usize, degree: u8) -> Result<Vec<f32>, FileError> {
     let at = |source| FileError::Io { path: path.into(), source };
     let mut file = File::open(path).map_err(at)?;
     let size = file.metadata().map_err(at)?.len();
-    let expected = (n as u64).saturating_mul(size_of::<Record>() as u64);
+    let n_numbers = n.saturating_mul(width(degree));
+    let expected = (n_numbers as u64).saturating_mul(size_of::<f32>() as u64);
     if size != expected {
         let found = format_args!("{size} bytes").to_string();
         return Err(mismatch(found, format_args!("{expected}: remove the folder, and start anew")).at(path));
     }
-    let mut records = vec![[0.0; 14]; n];
+    let mut records = vec![0.0; n_numbers];
     file.read_exact(bytemuck::cast_slice_mut(&mut records)).map_err(at)?;
     Ok(records)
 }

@@ -1,7 +1,7 @@
 use std::fs;
 
 use glam::{Quat, Vec3};
-use stylegaussian::scene::Sh;
+use stylegaussian::{scene::Sh, sh};
 
 use super::*;
 use crate::{ReadOptions, read_scene, read_scene_with};
@@ -32,7 +32,7 @@ fn slices(scene: &Scene) -> impl Iterator<Item = Result<Loaded, FileError>> + '_
     indices.chunks(300).map(slice).collect::<Vec<_>>().into_iter()
 }
 
-const OPTIONS: TileOptions = TileOptions { n_levels: 3, chunk: 640, cell: None };
+const OPTIONS: TileOptions = TileOptions { n_levels: 3, chunk: 640, cell: None, sh_degree: 3 };
 
 fn tiled(scene: &Scene, folder: &Path) -> Result<Tiled, TileError> {
     tile(slices(scene), "key", folder, &OPTIONS, &Work::default())
@@ -191,11 +191,118 @@ fn damaged_parts_and_foreign_folders_are_told() {
         TileOptions { n_levels: 33, ..OPTIONS },
         TileOptions { chunk: 15, ..OPTIONS },
         TileOptions { cell: Some(0.0), ..OPTIONS },
+        TileOptions { sh_degree: 4, ..OPTIONS },
     ] {
         let other = tempfile::tempdir().unwrap();
         let result = tile(slices(&scene), "key", other.path(), &options, &Work::default());
         assert!(result.unwrap_err().to_string().contains("expected"), "{options:?}");
     }
+}
+
+/// The scene with coefficients of this degree, which look random.
+fn with_harmonics(scene: Scene, degree: u8) -> Scene {
+    let n = 3 * sh::n_coefficients(degree) * scene.len();
+    let coefficients = (0..n).map(|i| (i as f32 * 1.3).sin() * 0.4).collect();
+    Scene { sh: Some(Sh { degree, coefficients }), ..scene }
+}
+
+#[test]
+fn chunks_keep_spherical_harmonics() {
+    let scene = with_harmonics(ground(1500), 3);
+    let nodes = nodes(&scene, &OPTIONS, &Work::default()).unwrap();
+    // The finest level has the rows of the source.
+    let rows = |scene: &Scene| -> Vec<[u32; 48]> {
+        let coefficients = &scene.sh.as_ref().unwrap().coefficients;
+        let mut rows: Vec<_> =
+            coefficients.as_chunks::<48>().0.iter().map(|row| row.map(f32::to_bits)).collect();
+        rows.sort_unstable();
+        rows
+    };
+    let mut finest: Vec<_> = nodes.iter().flat_map(|node| rows(&node.levels[0])).collect();
+    finest.sort_unstable();
+    assert!(finest == rows(&scene));
+    let dir = tempfile::tempdir().unwrap();
+    let mut writer = WorldWriter::new(dir.path(), OPTIONS.n_levels, OPTIONS.chunk, false);
+    nodes.iter().for_each(|node| writer.add(node).unwrap());
+    let world = writer.finish().unwrap();
+    let chunk = |name: &String| read_scene(&dir.path().join(name)).unwrap().scene;
+    let chunks: Vec<Scene> = world.files.iter().map(chunk).collect();
+    for (node, of_world) in nodes.iter().zip(&world.nodes) {
+        for (level, run) in node.levels.iter().zip(&of_world.levels) {
+            let run = run.as_ref().unwrap();
+            let (found, expected) = (chunks[run.file].sh.as_ref().unwrap(), level.sh.as_ref().unwrap());
+            assert_eq!((found.degree, run.range.len()), (3, level.len()));
+            let found = &found.coefficients[48 * run.range.start..48 * run.range.end];
+            // No chunk has more Gaussians than a palette has entries, so that numbers are rounded alone: to 256
+            // between -0.4 and 0.4, which move by a step at most toward what is near.
+            let most =
+                found.iter().zip(&expected.coefficients).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(most < 1.5 * 0.8 / 255.0, "{most}");
+        }
+    }
+    let plain = super::nodes(&scene, &TileOptions { sh_degree: 1, ..OPTIONS }, &Work::default()).unwrap();
+    assert!(plain.iter().flat_map(|node| &node.levels).all(|level| level.sh.as_ref().unwrap().degree == 1));
+}
+
+#[test]
+fn merged_harmonics_are_means_by_light() {
+    // Of one size, so that their lights are as their opacities: 3 / 4 and 1 / 4.
+    let two = Scene { scales: vec![Vec3::splat(0.1); 2], opacities: vec![0.6, 0.2], ..ground(2) };
+    let two = with_harmonics(two, 2);
+    let nodes = nodes(&two, &TileOptions { n_levels: 2, ..OPTIONS }, &Work::default()).unwrap();
+    let [first, second] = two.sh.as_ref().unwrap().coefficients.as_chunks::<27>().0 else { unreachable!() };
+    let merged = &nodes[0].levels[1].sh.as_ref().unwrap().coefficients;
+    assert_eq!((nodes.len(), merged.len()), (1, 27));
+    for i in 0..27 {
+        let expected = 0.75 * first[i] + 0.25 * second[i];
+        assert!((merged[i] - expected).abs() < 1e-6, "{i}: {} and {expected}", merged[i]);
+    }
+}
+
+#[test]
+fn scenes_of_several_degrees_have_one_degree() {
+    let part = |x: f32, sh: Option<Sh>| {
+        let mut scene = Scene { sh, ..ground(20) };
+        scene.means.iter_mut().for_each(|mean| mean.x = x + mean.x / 10.0);
+        scene
+    };
+    let even = |degree: u8, value: f32| {
+        Some(Sh { degree, coefficients: vec![value; 20 * 3 * sh::n_coefficients(degree)] })
+    };
+    let parts = [part(0.0, even(1, 0.5)), part(100.0, even(3, 0.25)), part(200.0, None)];
+    let dir = tempfile::tempdir().unwrap();
+    let slices = parts.into_iter().map(|scene| Ok(Loaded::new(scene, Vec::new())));
+    let options = TileOptions { sh_degree: 2, ..OPTIONS };
+    let Tiled { warnings, .. } = tile(slices, "key", dir.path(), &options, &Work::default()).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let read = read_scene(dir.path()).unwrap().scene;
+    let colors = read.sh.as_ref().unwrap();
+    assert_eq!((read.len(), colors.degree), (60, 2));
+    for (mean, row) in read.means.iter().zip(colors.coefficients.as_chunks::<27>().0) {
+        let expected = |i: usize| match mean.x {
+            ..50.0 => [0.5, 0.0][usize::from(i >= 12)],
+            ..150.0 => 0.25,
+            _ => 0.0,
+        };
+        assert!((0..27).all(|i| (row[i] - expected(i)).abs() < 1e-6), "{mean}: {row:?}");
+    }
+}
+
+#[test]
+fn a_plan_is_of_one_degree() {
+    let (scene, dir) = (ground(300), tempfile::tempdir().unwrap());
+    Plan::open(slices(&scene), "key", dir.path(), &OPTIONS, &Work::default()).unwrap();
+    let refused = |options: &TileOptions| {
+        let error =
+            tile(slices(&scene), "key", dir.path(), options, &Work::default()).unwrap_err().to_string();
+        assert!(error.contains("of another call"), "{error}");
+    };
+    refused(&TileOptions { sh_degree: 2, ..OPTIONS });
+    let path = dir.path().join(PARTIAL).join("plan.json");
+    let plan = fs::read_to_string(&path).unwrap();
+    assert!(plan.contains("\"degree\":0"), "{plan}");
+    fs::write(&path, plan.replace("\"degree\":0", "\"degree\":200")).unwrap();
+    refused(&OPTIONS);
 }
 
 #[test]

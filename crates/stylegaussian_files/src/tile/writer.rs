@@ -50,7 +50,8 @@ impl LeveledNode {
 /// Writes a world to a folder: chunks as they are filled, and `lod-meta.json` at the end, so that a folder
 /// without it is not complete. Nodes that are near one another in space should follow one another.
 ///
-/// A chunk keeps colors of degree 0: SOG's palettes of higher spherical harmonics are not written.
+/// A chunk has the highest degree of spherical harmonics of its nodes. Those above degree 0 are rounded to the
+/// entries of a palette, 65,536 at most.
 #[derive(Debug)]
 pub struct WorldWriter {
     folder: PathBuf,
@@ -150,10 +151,11 @@ impl WorldWriter {
     }
 }
 
-/// Adds the Gaussians of a scene to a chunk, with colors of degree 0.
-fn append(chunk: &mut Scene, scene: &Scene) {
+/// Adds the Gaussians of a scene to a chunk, which is its own source.
+pub(crate) fn append(chunk: &mut Scene, scene: &Scene) {
+    append_colors(chunk, scene);
     if chunk.is_empty() {
-        (chunk.filter, chunk.sh) = (scene.filter, Some(Sh { degree: 0, coefficients: Vec::new() }));
+        chunk.filter = scene.filter;
     } else if chunk.filter != scene.filter {
         chunk.filter = ScreenFilter::Classic;
     }
@@ -164,15 +166,37 @@ fn append(chunk: &mut Scene, scene: &Scene) {
     let n = chunk.means.len();
     chunk.order.extend(chunk.n_source as u32..n as u32);
     chunk.n_source = n;
-    if let Some(Sh { coefficients, .. }) = &mut chunk.sh {
-        match &scene.sh {
-            Some(sh) => {
-                let rows = sh.coefficients.chunks_exact(3 * sh::n_coefficients(sh.degree));
-                coefficients.extend(rows.flat_map(|row| &row[..3]));
-            }
-            // Mid-gray.
-            None => coefficients.resize(3 * n, 0.0),
+}
+
+/// Adds the coefficients of a scene to a chunk: those of both become the higher degree of the two.
+fn append_colors(chunk: &mut Scene, scene: &Scene) {
+    let degree = scene.sh.as_ref().map_or(0, |sh| sh.degree);
+    let before = chunk.sh.take().unwrap_or(Sh { degree, coefficients: Vec::new() });
+    let mut colors = match before.degree < degree {
+        true => {
+            let n = chunk.len();
+            let mut wider =
+                Sh { degree, coefficients: Vec::with_capacity(3 * sh::n_coefficients(degree) * n) };
+            extend(&mut wider, Some(&before), n);
+            wider
         }
+        false => before,
+    };
+    extend(&mut colors, scene.sh.as_ref(), scene.len());
+    chunk.sh = Some(colors);
+}
+
+/// Adds the coefficients of `n` Gaussians. What they lack is 0: mid-gray, the same from every side.
+fn extend(colors: &mut Sh, others: Option<&Sh>, n: usize) {
+    let width = 3 * sh::n_coefficients(colors.degree);
+    let Some(others) = others else {
+        colors.coefficients.resize(colors.coefficients.len() + n * width, 0.0);
+        return;
+    };
+    for row in others.coefficients.chunks_exact(3 * sh::n_coefficients(others.degree)) {
+        let end = colors.coefficients.len() + width;
+        colors.coefficients.extend_from_slice(row);
+        colors.coefficients.resize(end, 0.0);
     }
 }
 

@@ -113,3 +113,11 @@ fn each_level_of_a_capture_is_its_chunk() {
         assert!(all(read) == all(chunk), "{level}");
     }
 }
+
+#[test]
+fn looks_are_named_by_their_chunks() {
+    assert_eq!(look_of("0_0/meta.json"), "0_0.look.safetensors");
+    assert_eq!(look_of("far/1.5_2/meta.json"), "far/1.5_2.look.safetensors");
+    assert_eq!(look_of("a.b/c.sog"), "a.b/c.look.safetensors");
+    assert_eq!(look_of("meta.json"), "meta.look.safetensors");
+}

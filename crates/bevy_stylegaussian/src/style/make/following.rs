@@ -140,7 +140,7 @@ fn follow_colors(
             StyleInput::Image(image) if style.crop.is_none() => Some(Some(image.id())),
             StyleInput::Image(_) | StyleInput::Preset(_) => Some(None),
             // It has no canvas.
-            StyleInput::Look(_) => None,
+            StyleInput::Look(_) | StyleInput::ChunkLooks(_) => None,
         });
         let ids: Vec<_> = inputs.collect();
         // Nothing watches for changes of jobs.

@@ -81,13 +81,14 @@ fn ids(source: &StyleSource) -> impl Iterator<Item = UntypedAssetId> {
         StylePins::File(file) => Some(file.id().untyped()),
         StylePins::List(_) => None,
     };
-    source.styles.iter().map(|style| id(&style.input)).chain(palette).chain(pins)
+    source.styles.iter().filter_map(|style| id(&style.input)).chain(palette).chain(pins)
 }
 
-fn id(input: &StyleInput) -> UntypedAssetId {
+fn id(input: &StyleInput) -> Option<UntypedAssetId> {
     match input {
-        StyleInput::Image(image) => image.id().untyped(),
-        StyleInput::Preset(preset) => preset.id().untyped(),
-        StyleInput::Look(look) => look.id().untyped(),
+        StyleInput::Image(image) => Some(image.id().untyped()),
+        StyleInput::Preset(preset) => Some(preset.id().untyped()),
+        StyleInput::Look(look) => Some(look.id().untyped()),
+        StyleInput::ChunkLooks(_) => None,
     }
 }

@@ -165,7 +165,7 @@ impl Inputs<'_> {
                 StyleInput::Image(image) => self.images.palette(image, crop).map(Palette::Moments),
                 StyleInput::Preset(preset) => of_preset(preset, crop),
                 // It is there nearly as soon as the first colors would be.
-                StyleInput::Look(_) => None,
+                StyleInput::Look(_) | StyleInput::ChunkLooks(_) => None,
             }
         };
         if let Some(given) = given {
@@ -240,6 +240,11 @@ impl Inputs<'_> {
                 let name = name(handle, "a look");
                 let look = loaded(&self.server, &self.looks, handle)?;
                 Ok(look.map(|look| Given::Look { name, look: Arc::clone(&look.0) }))
+            }
+            StyleInput::ChunkLooks(folder) => {
+                let found = format!("found looks of the chunks of a world (`{folder}`)");
+                let error = format!("{found}, expected one such folder, and a `GaussianWorld`");
+                Err(Arc::new(StyleError::Source(error)))
             }
         }
     }

@@ -96,6 +96,7 @@ pub(crate) fn want_changed_assets(
             StyleInput::Image(image) => encoder_changed || is_new(image),
             StyleInput::Preset(preset) => statistics.contains(&preset.id()),
             StyleInput::Look(look) => looks.contains(&look.id()),
+            StyleInput::ChunkLooks(_) => false,
         });
         let palette_changed = match &source.palette {
             Some(StylePalette::Image(image)) => is_new(image),

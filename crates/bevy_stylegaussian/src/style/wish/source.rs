@@ -1,5 +1,7 @@
 //! The style of an entity.
 
+use std::borrow::Cow;
+
 use bevy::prelude::*;
 use stylegaussian::{paint::Hand, strokes::StrokeKnobs};
 
@@ -133,6 +135,12 @@ pub enum StyleInput {
     Preset(Handle<StyleStatistics>),
     /// Baked colors and strokes of the entity's scene. A look of another scene fails.
     Look(Handle<StyleLook>),
+    /// Looks of the chunks of a [`GaussianWorld`](crate::world::GaussianWorld): a folder of assets with one for
+    /// each, as `stylegaussian bake --chunk` and the workflow `world` write them. `0_0.look.safetensors` is of
+    /// the chunk `0_0/meta.json`. A source has one such folder; it fails on anything but a world. A chunk
+    /// whose look cannot be had stays as captured, and
+    /// [`GaussianWorldFailed`](crate::world::GaussianWorldFailed) tells it.
+    ChunkLooks(String),
 }
 
 impl From<Handle<Image>> for StyleInput {
@@ -167,6 +175,12 @@ impl StyleSource {
     /// A baked look. It is shown without features, decoder or encoder.
     pub fn look(look: Handle<StyleLook>) -> Self {
         Self::mix([(look, 1.0)])
+    }
+
+    /// Baked looks of all chunks of a [`GaussianWorld`](crate::world::GaussianWorld), in a folder of assets:
+    /// see [`StyleInput::ChunkLooks`].
+    pub fn chunk_looks(folder: impl Into<String>) -> Self {
+        Self::mix([(StyleInput::ChunkLooks(folder.into()), 1.0)])
     }
 
     /// A mix of styles and their weights. Weights are at least 0 and are normalized to sum 1.
@@ -280,8 +294,49 @@ impl StyleSource {
 
     /// Whether another source gives the same style, apart from the factors that are shown at once.
     pub(crate) fn is_computed_like(&self, other: &Self) -> bool {
-        self.styles == other.styles
-            && self.content == other.content
+        self.styles == other.styles && self.is_decided_like(other)
+    }
+
+    /// Whether it gives the style of `world`, the source of a world, to a run of it, which has `look` in place
+    /// of the looks of chunks.
+    pub(crate) fn is_part_of(&self, world: &Self, look: Option<&Handle<StyleLook>>) -> bool {
+        let (Some(folder), Some(look)) = (world.folder_of_looks(), look) else {
+            return self.is_computed_like(world);
+        };
+        let is_same = |(own, given): (&WeightedStyle, &WeightedStyle)| match (&own.input, &given.input) {
+            (StyleInput::Look(own_look), StyleInput::ChunkLooks(of)) if of == folder => {
+                own_look == look && own.weight == given.weight
+            }
+            _ => own == given,
+        };
+        self.styles.len() == world.styles.len()
+            && self.styles.iter().zip(&world.styles).all(is_same)
+            && self.is_decided_like(world)
+    }
+
+    /// The source of a run of a world that has this one: `look` takes the place of the looks of chunks.
+    pub(crate) fn for_part(&self, look: Option<&Handle<StyleLook>>) -> Cow<'_, Self> {
+        let (Some(folder), Some(look)) = (self.folder_of_looks(), look) else { return Cow::Borrowed(self) };
+        let mut part = self.clone();
+        for style in &mut part.styles {
+            if matches!(&style.input, StyleInput::ChunkLooks(of) if of == folder) {
+                style.input = StyleInput::Look(look.clone());
+            }
+        }
+        Cow::Owned(part)
+    }
+
+    /// The folder of looks of chunks, if there is one: the first.
+    pub(crate) fn folder_of_looks(&self) -> Option<&str> {
+        self.styles.iter().find_map(|style| match &style.input {
+            StyleInput::ChunkLooks(folder) => Some(&**folder),
+            _ => None,
+        })
+    }
+
+    /// Whether two sources differ in their styles alone, apart from the factors that are shown at once.
+    fn is_decided_like(&self, other: &Self) -> bool {
+        self.content == other.content
             && self.is_collection == other.is_collection
             && self.palette == other.palette
             && self.palette_strength == other.palette_strength

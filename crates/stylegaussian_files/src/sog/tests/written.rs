@@ -35,6 +35,33 @@ fn a_bundle_is_read_back() {
 }
 
 #[test]
+fn spherical_harmonics_are_read_back() {
+    let mut random = randoms(3);
+    for degree in 1..=3 {
+        let width = 3 * sh::n_coefficients(degree);
+        let coefficients: Vec<f32> = (0..300 * width).map(|_| random() as f32 - 0.5).collect();
+        let order: Vec<u32> = (0..300).rev().collect();
+        let sh = Some(Sh { degree, coefficients: coefficients.clone() });
+        let scene = Scene { n_source: 300, order, sh, ..made(300, 7).0 };
+        let loaded = read_bundle(&scene_to_bytes("a.sog", &scene).unwrap()).unwrap();
+        assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+        let found = loaded.scene.sh.unwrap();
+        assert_eq!((found.degree, found.coefficients.len()), (degree, coefficients.len()));
+        // Each Gaussian has an entry of its own. 256 numbers from -0.5 to 0.5 move by a step at most toward
+        // what is near.
+        let rows = found.coefficients.chunks(width).zip(coefficients.chunks(width).rev());
+        for (a, b) in rows.flat_map(|(found, expected)| found.iter().zip(expected)) {
+            assert!((a - b).abs() < 1.5 / 255.0, "degree {degree}: {a} {b}");
+        }
+    }
+    // All alike: a palette of one entry, which the reader's limits on planes let pass.
+    let even = Scene { sh: Some(Sh { degree: 3, coefficients: vec![0.0; 48 * 300] }), ..made(300, 7).0 };
+    let even = Scene { n_source: 300, order: (0..300).collect(), ..even };
+    let found = read_bundle(&scene_to_bytes("a.sog", &even).unwrap()).unwrap().scene.sh.unwrap();
+    assert_eq!((found.degree, found.coefficients), (3, vec![0.0; 48 * 300]));
+}
+
+#[test]
 fn one_gaussian_without_colors_or_thickness() {
     let scene = Scene {
         means: vec![Vec3::new(-3.0, 0.0, 1e6)],

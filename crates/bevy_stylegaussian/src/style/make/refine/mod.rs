@@ -310,7 +310,9 @@ impl Means<'_> {
 /// whole paintings alone.
 fn paintings<'a>(refine: &'a StyleRefine, source: &'a StyleSource) -> Vec<(&'a Handle<Image>, f32)> {
     let used = || source.styles.iter().filter(|style| style.weight > 0.0);
-    if source.has_hand() || used().any(|style| matches!(style.input, StyleInput::Look(_))) {
+    let is_look =
+        |style: &WeightedStyle| matches!(style.input, StyleInput::Look(_) | StyleInput::ChunkLooks(_));
+    if source.has_hand() || used().any(is_look) {
         return Vec::new();
     }
     if !refine.paintings.is_empty() {
@@ -318,7 +320,7 @@ fn paintings<'a>(refine: &'a StyleRefine, source: &'a StyleSource) -> Vec<(&'a H
     }
     let image = |style: &'a WeightedStyle| match &style.input {
         StyleInput::Image(image) => Some((image, style.weight)),
-        StyleInput::Preset(_) | StyleInput::Look(_) => None,
+        StyleInput::Preset(_) | StyleInput::Look(_) | StyleInput::ChunkLooks(_) => None,
     };
     used().map(image).collect::<Option<_>>().unwrap_or_default()
 }
