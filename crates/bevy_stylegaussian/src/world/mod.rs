@@ -26,6 +26,7 @@ use crate::{
 };
 
 mod asset;
+mod budget;
 mod component;
 mod failure;
 mod plan;
@@ -36,7 +37,8 @@ mod tree;
 mod views;
 
 pub use asset::WorldManifest;
-pub use component::{GaussianBudget, GaussianWorld, GaussianWorldFailed, WorldState};
+pub use budget::GaussianBudget;
+pub use component::{GaussianWorld, GaussianWorldFailed, WorldState};
 
 /// Loads and shows worlds.
 pub(crate) struct WorldPlugin;
@@ -45,13 +47,13 @@ impl Plugin for WorldPlugin {
     fn build(&self, app: &mut App) {
         app.init_asset::<WorldManifest>()
             .init_asset_loader::<FileLoader<WorldManifest>>()
-            .init_resource::<GaussianBudget>()
             .add_message::<GaussianWorldFailed>()
             .register_type::<WorldManifest>()
             .register_type::<GaussianWorld>()
             .register_type::<WorldState>()
             .register_type::<GaussianBudget>()
             .register_type::<GaussianWorldFailed>()
+            .add_systems(PreStartup, budget::insert_usual_budget)
             .add_systems(
                 PostUpdate,
                 (
