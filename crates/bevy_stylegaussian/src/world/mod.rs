@@ -7,6 +7,37 @@
 //! its style if there is one, and fades in over it. Ten times a second, the Gaussians go where they are largest
 //! on any screen ([`stylegaussian::cut`]), also where cameras are about to look. What was seen a moment ago
 //! stays for a while.
+//!
+//! # Collision
+//!
+//! A part that is shown is an entity with a [`GaussianSplats`](crate::GaussianSplats) of its own, below that of
+//! the world. So colliders are made as for any scene, in the space of the part's entity, and go with it when
+//! another level takes its place. The coarser a level is, the thicker its boxes are. The example `collision`
+//! takes a world.
+//!
+//! ```
+//! # use bevy::prelude::*;
+//! # use bevy_stylegaussian::{
+//! #     prelude::*, stylegaussian::collision::{CollisionBox, VoxelSettings, Voxels},
+//! # };
+//! #[derive(Component)]
+//! struct Boxes(Vec<CollisionBox>);
+//!
+//! fn make_boxes(
+//!     mut commands: Commands,
+//!     mut ready: MessageReader<GaussianSceneReady>,
+//!     parts: Query<&GaussianSplats>,
+//!     scenes: Res<Assets<GaussianScene>>,
+//! ) -> Result {
+//!     for event in ready.read() {
+//!         let scene = parts.get(event.entity).ok().and_then(|part| scenes.get(&part.0));
+//!         let Some(scene) = scene else { continue };
+//!         let voxels = Voxels::new(scene.scene(), &VoxelSettings { size: 0.2, ..default() })?;
+//!         commands.entity(event.entity).try_insert(Boxes(voxels.boxes()));
+//!     }
+//!     Ok(())
+//! }
+//! ```
 
 // This is the top room. `plan` follows manifests and chooses levels; `stream` reads chunks, cuts runs out of
 // them and swaps them, one child per run (`tree` has the state); `style` gives children what their world has,
