@@ -21,7 +21,7 @@ use super::{asset::WorldManifest, tree::Tree};
 ///
 /// All parts are painted to look like one scene, which some Gaussians of the coarsest levels are painted as
 /// first: in one palette, in strokes of one size and contrast. Each part searches for its strokes by itself, so
-/// a stroke ends where its part ends. In a browser, each part is painted alone.
+/// a stroke ends where its part ends.
 ///
 /// ```
 /// # use bevy::prelude::*;
