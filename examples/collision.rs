@@ -93,8 +93,8 @@ fn fit_world(
     }
 }
 
-/// Makes boxes of a scene once it is there. A part of a world is a scene, too: its boxes go with it when another
-/// level takes its place.
+/// Makes boxes of a scene once it is there. A part of a world is a scene, too: its boxes go with it when
+/// another level takes its place.
 fn find_solids(
     mut commands: Commands,
     mut ready: MessageReader<GaussianSceneReady>,

@@ -1,7 +1,7 @@
 //! The part of an app that the viewer (`examples/viewer`) and the page (`stylegaussian_web`) share: a camera
-//! that orbits a scene, a scene or a world that is opened and seen whole, the ways in which styles arrive, the light on
-//! paint, and saving a scene in the colors that it is shown in. What the two are steered by, a panel and a
-//! script, is their own.
+//! that orbits a scene, a scene or a world that is opened and seen whole, the ways in which styles arrive, the
+//! light on paint, and saving a scene in the colors that it is shown in. What the two are steered by, a panel
+//! and a script, is their own.
 
 mod arrivals;
 mod camera;

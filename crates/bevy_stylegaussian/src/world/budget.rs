@@ -44,7 +44,7 @@ const RECORD_BYTES: u64 = 16;
 /// | | Gaussians |
 /// | --- | --- |
 /// | a card with memory of its own | 3 million |
-/// | a GPU that shares main memory, or is not known | a 32nd of main memory (8 GB if it is not told), 3 million at most |
+/// | a GPU that shares main memory, or is not known | a 32nd of it (of 8 GB if not told), 3 million at most |
 /// | a browser | 1 million |
 /// | a CPU that draws | a quarter of a million |
 /// | no renderer | 3 million |
