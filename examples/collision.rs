@@ -3,12 +3,18 @@
 //!
 //! ```sh
 //! cargo run --release --example collision
+//! cargo run --release --example collision -- FOLDER    # a world: the boxes of its parts come and go with them
 //! ```
 
-use bevy::{core_pipeline::tonemapping::Tonemapping, math::bounding::Aabb3d, prelude::*};
+use std::{env, f32::consts::PI, fs};
+
+use bevy::{
+    asset::UnapprovedPathMode, core_pipeline::tonemapping::Tonemapping, math::bounding::Aabb3d, prelude::*,
+};
 use bevy_stylegaussian::{
     prelude::*,
     stylegaussian::collision::{VoxelSettings, Voxels},
+    stylegaussian_files::world::FILE,
 };
 
 #[path = "backdrop/mod.rs"]
@@ -16,29 +22,40 @@ mod backdrop;
 
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
 
+/// The edge of a voxel, in world units.
+const VOXEL: f32 = 0.15;
+
+/// The diagonal that a world gets, in world units: about that of the demo scene.
+const SIZE: f32 = 12.0;
+
 /// Radius of a ball, in world units, and the share of its speed that a bounce leaves.
 const RADIUS: f32 = 0.15;
 const BOUNCE: f32 = 0.6;
 
 fn main() -> AppExit {
     App::new()
-        .add_plugins(DefaultPlugins.set(AssetPlugin { file_path: ASSETS.into(), ..default() }))
+        .add_plugins(DefaultPlugins.set(AssetPlugin {
+            file_path: ASSETS.into(),
+            // The folder of a world may lie anywhere.
+            unapproved_path_mode: UnapprovedPathMode::Allow,
+            ..default()
+        }))
         .add_plugins(StyleGaussianPlugin::default())
         .add_systems(Startup, (setup, backdrop::spawn))
-        .add_systems(Update, (find_solids, drop_balls))
+        .add_systems(Update, (fit_world, find_solids, drop_balls))
         .add_systems(FixedUpdate, fall)
         .run()
 }
 
-/// The scene's boxes, in world space.
-#[derive(Resource)]
+/// The boxes of a scene or of a part of a world, in world space.
+#[derive(Component)]
 struct Solids(Vec<Aabb3d>);
 
 /// A ball's velocity, in world units per second.
 #[derive(Component)]
 struct Velocity(Vec3);
 
-fn setup(mut commands: Commands, assets: Res<AssetServer>) {
+fn setup(mut commands: Commands, assets: Res<AssetServer>) -> Result {
     commands.spawn((
         Camera3d::default(),
         Tonemapping::None,
@@ -48,24 +65,54 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
         DirectionalLight::default(),
         Transform::default().looking_to(Vec3::new(-1.0, -2.0, -1.0), Vec3::Y),
     ));
-    commands.spawn(GaussianSplats(assets.load("demo.sgs")));
+    match env::args().nth(1) {
+        Some(folder) => {
+            let manifest = fs::canonicalize(folder)?.join(FILE);
+            commands.spawn(GaussianWorld(assets.load(manifest)));
+        }
+        None => {
+            commands.spawn(GaussianSplats(assets.load("demo.sgs")));
+        }
+    }
+    Ok(())
 }
 
-/// Makes boxes of the scene once it is there. It stands at the world's origin.
+/// Places a world in the middle and upright: captures have any unit, and most have y down.
+fn fit_world(
+    mut worlds: Query<(&GaussianWorld, &mut Transform)>,
+    manifests: Res<Assets<WorldManifest>>,
+    mut is_placed: Local<bool>,
+) {
+    for (world, mut place) in &mut worlds {
+        let bounds = manifests.get(&world.0).and_then(WorldManifest::bounds);
+        let Some([min, max]) = bounds.filter(|_| !*is_placed) else { continue };
+        let (scale, rotation) = (SIZE / (max - min).length(), Quat::from_rotation_x(PI));
+        let translation = -(rotation * (0.5 * scale * (min + max)));
+        *place = Transform { translation, rotation, scale: Vec3::splat(scale) };
+        *is_placed = true;
+    }
+}
+
+/// Makes boxes of a scene once it is there. A part of a world is a scene, too: its boxes go with it when
+/// another level takes its place.
 fn find_solids(
     mut commands: Commands,
     mut ready: MessageReader<GaussianSceneReady>,
-    splats: Query<&GaussianSplats>,
+    splats: Query<(&GaussianSplats, &GlobalTransform)>,
     scenes: Res<Assets<GaussianScene>>,
 ) -> Result {
     for event in ready.read() {
-        let Some(scene) = splats.get(event.entity).ok().and_then(|splats| scenes.get(&splats.0)) else {
-            continue;
+        let Ok((splats, place)) = splats.get(event.entity) else { continue };
+        let Some(scene) = scenes.get(&splats.0) else { continue };
+        let (scale, rotation, _) = place.to_scale_rotation_translation();
+        let voxels = Voxels::new(scene.scene(), &VoxelSettings { size: VOXEL / scale.x, ..default() })?;
+        let solid = |min: Vec3, max: Vec3| {
+            // Turned by half a turn at most, a box is one along the axes.
+            let half = (rotation * (0.5 * scale * (max - min))).abs();
+            Aabb3d::new(place.transform_point(0.5 * (min + max)), half)
         };
-        let voxels = Voxels::new(scene.scene(), &VoxelSettings { size: 0.15, ..default() })?;
-        let solids =
-            voxels.boxes().into_iter().map(|solid| Aabb3d { min: solid.min.into(), max: solid.max.into() });
-        commands.insert_resource(Solids(solids.collect()));
+        let solids = voxels.boxes().into_iter().map(|of| solid(of.min, of.max)).collect();
+        commands.entity(event.entity).try_insert(Solids(solids));
     }
     Ok(())
 }
@@ -75,11 +122,11 @@ fn drop_balls(
     mut commands: Commands,
     mut n_balls: Local<u32>,
     time: Res<Time>,
-    solids: Option<Res<Solids>>,
+    solids: Query<(), With<Solids>>,
     mut meshes: ResMut<Assets<Mesh>>,
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
-    if solids.is_none() || time.elapsed_secs() * 4.0 < *n_balls as f32 || *n_balls > 200 {
+    if solids.is_empty() || time.elapsed_secs() * 4.0 < *n_balls as f32 || *n_balls > 200 {
         return;
     }
     // Golden angles spread the balls evenly over a disk.
@@ -95,12 +142,11 @@ fn drop_balls(
     *n_balls += 1;
 }
 
-fn fall(mut balls: Query<(&mut Transform, &mut Velocity)>, solids: Option<Res<Solids>>, time: Res<Time>) {
-    let Some(solids) = solids else { return };
+fn fall(mut balls: Query<(&mut Transform, &mut Velocity)>, solids: Query<&Solids>, time: Res<Time>) {
     for (mut place, mut velocity) in &mut balls {
         velocity.0.y -= 9.81 * time.delta_secs();
         place.translation += velocity.0 * time.delta_secs();
-        for solid in &solids.0 {
+        for solid in solids.iter().flat_map(|solids| &solids.0) {
             let apart = place.translation - Vec3::from(solid.closest_point(place.translation));
             let Some(out) = apart.try_normalize().filter(|_| apart.length() < RADIUS) else { continue };
             place.translation += (RADIUS - apart.length()) * out;

@@ -38,30 +38,35 @@ struct Shown(PathBuf, Quat);
 fn main() -> anyhow::Result<AppExit> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     // A folder that was made here goes with the app.
-    let (shown, usual, _made) = match arguments.first() {
+    let (shown, budget, _made) = match arguments.first() {
         Some(folder) => {
             // Captures have y down.
             let turn = Quat::from_rotation_x(std::f32::consts::PI);
-            (Shown(fs::canonicalize(folder)?.join(FILE), turn), GaussianBudget::default(), None)
+            // The plugin chooses one for the machine if none is given.
+            let budget =
+                arguments.get(1).map(|text| text.parse::<usize>()).transpose()?.map(GaussianBudget::new);
+            (Shown(fs::canonicalize(folder)?.join(FILE), turn), budget, None)
         }
         None => {
             let folder = tempfile::tempdir()?;
             write_levels(folder.path())?;
             let budget = GaussianBudget { gaussians: 30_000, ..default() };
-            (Shown(folder.path().join(FILE), Quat::IDENTITY), budget, Some(folder))
+            (Shown(folder.path().join(FILE), Quat::IDENTITY), Some(budget), Some(folder))
         }
     };
-    let gaussians = arguments.get(1).map_or(Ok(usual.gaussians), |text| text.parse())?;
     let assets = AssetPlugin {
         file_path: ASSETS.into(),
         // The folder may lie anywhere.
         unapproved_path_mode: bevy::asset::UnapprovedPathMode::Allow,
         ..default()
     };
-    Ok(App::new()
+    let mut app = App::new();
+    if let Some(budget) = budget {
+        app.insert_resource(budget);
+    }
+    Ok(app
         .add_plugins((DefaultPlugins.set(assets), StyleGaussianPlugin::default()))
         .insert_resource(shown)
-        .insert_resource(GaussianBudget { gaussians, ..usual })
         .add_systems(Startup, setup)
         .add_systems(Update, (fly, paint, count))
         .add_observer(|failed: On<GaussianWorldFailed>| warn!("{}", failed.error))

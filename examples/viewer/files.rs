@@ -10,7 +10,11 @@ use bevy_stylegaussian::{
     stylegaussian_files::{read_pins, readable_extensions},
 };
 
-use crate::{panel::Notice, scene::ShownScene, styles::Styles};
+use crate::{
+    panel::Notice,
+    scene::{OF_SCENES, ShownScene},
+    styles::Styles,
+};
 
 /// The files on the command line.
 #[derive(Resource)]
@@ -50,6 +54,12 @@ fn kind(path: &Path) -> Option<Kind> {
     }
 }
 
+/// Whether a file belongs to a single scene.
+fn is_of_a_scene(path: &Path) -> bool {
+    let name = path.to_string_lossy().to_ascii_lowercase();
+    [".look.safetensors", ".mask.safetensors", ".pins.json"].iter().any(|end| name.ends_with(end))
+}
+
 /// The file that stands for a scene in a folder, or the path itself.
 fn named(path: PathBuf) -> PathBuf {
     let inside = ["lod-meta.json", "meta.json"].map(|name| path.join(name));
@@ -60,7 +70,7 @@ fn named(path: PathBuf) -> PathBuf {
 fn expected() -> String {
     let scenes: Vec<_> = readable_extensions().iter().map(|extension| format!(".{extension}")).collect();
     format!(
-        "expected a scene ({}), a folder with one, an image (.jpg, .png), a .style.safetensors, \
+        "expected a scene ({}), a folder with one or a world, an image (.jpg, .png), a .style.safetensors, \
          a .look.safetensors, a .mask.safetensors or a .pins.json",
         scenes.join(", ")
     )
@@ -99,7 +109,7 @@ pub fn open(
     mut shown: ResMut<ShownScene>,
     mut styles: ResMut<Styles>,
     mut notice: ResMut<Notice>,
-    cloud: Single<(Entity, &GaussianSplats), With<StyleMask>>,
+    cloud: Single<(Entity, Option<&GaussianSplats>), With<StyleMask>>,
     scenes: Res<Assets<GaussianScene>>,
     mut commands: Commands,
 ) {
@@ -113,10 +123,13 @@ pub fn open(
                 notice.fail(format!("{}: found a folder without a scene, {}", path.display(), expected()));
             }
             Some(Kind::Scene) => shown.load(&path, &assets),
+            Some(_) if shown.is_world && is_of_a_scene(&path) => {
+                notice.fail(format!("{}: {OF_SCENES}", path.display()));
+            }
             Some(Kind::Mask) => {
                 commands.entity(cloud.0).insert(StyleMask::saved(assets.load(path)));
             }
-            Some(Kind::Pins) => match pins(&path, scenes.get(&cloud.1.0)) {
+            Some(Kind::Pins) => match pins(&path, cloud.1.and_then(|splats| scenes.get(&splats.0))) {
                 Ok(pins) => styles.take_pins(pins.into_iter()),
                 Err(error) => notice.fail(error),
             },

@@ -2,8 +2,8 @@
 
 use bevy::prelude::*;
 use bevy_egui::egui::{Checkbox, Grid, Slider, Ui};
-use bevy_stylegaussian::{GaussianSplats, SplatCuts, SplatTint};
-use stylegaussian_app::Orbit;
+use bevy_stylegaussian::{SplatCuts, SplatTint};
+use stylegaussian_app::{Orbit, Subject};
 
 use crate::scene::ShownScene;
 
@@ -53,7 +53,7 @@ pub fn show(
     mut commands: Commands,
     light: Res<Light>,
     shown: Res<ShownScene>,
-    scene: Single<Entity, With<GaussianSplats>>,
+    scene: Single<Entity, With<Subject>>,
     camera: Single<Entity, With<Orbit>>,
     mut last: Local<Option<(Light, f32)>>,
 ) {

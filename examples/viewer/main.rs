@@ -4,10 +4,12 @@
 //! cargo run --release --example viewer [SCENE] [STYLE...]    # default: the demo scene, as it was captured
 //! ```
 //!
-//! `SCENE` is a file in any format that the plugin reads, or a folder with one (SOG). `STYLE` is a `.jpg` or
-//! `.png` image, a `.style.safetensors` file, or a `.look.safetensors` file that was baked for the scene;
-//! several are mixed in equal parts. Files can also be dropped on the window, or opened by their path in the
-//! panel.
+//! `SCENE` is a file in any format that the plugin reads, or a folder with one (SOG). The folder of a world, or
+//! its `lod-meta.json`, is shown at levels of detail that follow the camera, under a budget.
+//!
+//! `STYLE` is a `.jpg` or `.png` image, a `.style.safetensors` file, or a `.look.safetensors` file that was
+//! baked for the scene; several are mixed in equal parts. Files can also be dropped on the window, or opened by
+//! their path in the panel.
 //!
 //! Left drag orbits, right drag looks around, middle drag pans, the wheel zooms. W A S D fly, Q and E go down
 //! and up, Shift makes it faster, F shows the whole scene. Keys 1 to 8 apply the first eight styles, 0 none. F1
@@ -41,6 +43,7 @@ mod strokes_panel;
 mod styles;
 mod tile;
 mod tools;
+mod world_panel;
 
 /// Folder of the repository's assets.
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
@@ -49,7 +52,7 @@ fn main() -> AppExit {
     let mut arguments = env::args_os().skip(1).map(PathBuf::from).peekable();
     if arguments.peek().is_some_and(|first| first.as_os_str().to_string_lossy().starts_with('-')) {
         println!(
-            "Usage: viewer [SCENE] [STYLE...]\n\nSCENE: .{}\n\
+            "Usage: viewer [SCENE] [STYLE...]\n\nSCENE: .{}, or the folder of a world\n\
              STYLE: .jpg, .png, .style.safetensors, .look.safetensors",
             readable_extensions().join(", .")
         );
@@ -105,6 +108,7 @@ fn main() -> AppExit {
                 (parts::follow_scene, tools::apply, parts::note_changes).chain(),
                 camera::fly.run_if(not(egui_wants_any_keyboard_input)),
                 camera::drag,
+                world_panel::note_settled,
             ),
         )
         .add_systems(
@@ -121,6 +125,7 @@ fn main() -> AppExit {
         .add_observer(panel::note_refined)
         .add_observer(panel::note_failed_style)
         .add_observer(panel::note_failed_scene)
+        .add_observer(panel::note_failed_world)
         .add_observer(parts::note_failed_mask)
         .run()
 }

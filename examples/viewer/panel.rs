@@ -10,14 +10,15 @@ use bevy::{
 };
 use bevy_egui::{EguiContexts, EguiTextureHandle, egui};
 use bevy_stylegaussian::{
-    GaussianSceneFailed, GaussianSplats, StyleApplied, StyleFailed, StyleMask,
+    GaussianBudget, GaussianSceneFailed, GaussianWorldFailed, StyleApplied, StyleFailed, StyleMask,
     style::{StyleProgress, StyleRefined, decoder::StyleBackend},
     stylegaussian_files::writable_extensions,
+    world::WorldState,
 };
 use egui::{
     Color32, ComboBox, Grid, LayerId, ProgressBar, RichText, ScrollArea, Slider, TextEdit, Ui, UiBuilder,
 };
-use stylegaussian_app::{Arrival, Arrivals, Orbit};
+use stylegaussian_app::{Arrival, Arrivals, Orbit, Subject};
 
 use crate::{
     crop_panel,
@@ -30,6 +31,7 @@ use crate::{
     strokes_panel,
     styles::{Finish, Styles},
     tile::{self, Picture, Tile},
+    world_panel,
 };
 
 /// Width in points: three paintings and the space between them.
@@ -99,7 +101,7 @@ pub struct Transfer {
 /// Records the duration of a style, and clears an earlier error.
 pub fn note_applied(
     applied: On<StyleApplied>,
-    scene: Query<(), With<GaussianSplats>>,
+    scene: Query<(), With<Subject>>,
     mut transfer: ResMut<Transfer>,
     mut notice: ResMut<Notice>,
 ) {
@@ -132,6 +134,11 @@ pub fn note_failed_scene(failed: On<GaussianSceneFailed>, mut notice: ResMut<Not
     notice.fail(failed.error.to_string());
 }
 
+/// Shows which file of a world cannot be had.
+pub fn note_failed_world(failed: On<GaussianWorldFailed>, mut notice: ResMut<Notice>) {
+    notice.fail(failed.error.clone());
+}
+
 /// F1 hides and shows the panel.
 pub fn toggle(keys: Res<ButtonInput<KeyCode>>, mut panel: ResMut<Panel>) {
     if keys.just_pressed(KeyCode::F1) {
@@ -152,6 +159,7 @@ pub struct Shown<'w> {
     adapter: Res<'w, RenderAdapterInfo>,
     diagnostics: Res<'w, DiagnosticsStore>,
     parts: ResMut<'w, Parts>,
+    budget: ResMut<'w, GaussianBudget>,
     light: ResMut<'w, light::Light>,
     opened: MessageWriter<'w, OpenFile>,
     saved: MessageWriter<'w, Save>,
@@ -165,6 +173,7 @@ pub fn draw(
     orbit: Single<&Orbit>,
     mut mask: Single<&mut StyleMask>,
     progress: Query<&StyleProgress>,
+    world: Option<Single<&WorldState, With<Subject>>>,
 ) -> Result {
     // Taken, so that only one frame is drawn without the panel.
     if std::mem::take(&mut shown.panel.is_omitted) || shown.panel.is_hidden {
@@ -191,6 +200,9 @@ pub fn draw(
         ScrollArea::vertical().show(ui, |ui| {
             ui.spacing_mut().item_spacing.y = 5.0;
             scene(ui, &mut shown);
+            if let Some(state) = &world {
+                world_panel::draw(ui, &mut shown.budget, state);
+            }
             ui.separator();
             let pins = shown.parts.tool == Tool::Pin;
             paintings(ui, &mut shown.styles, &pictures, pins);
@@ -225,7 +237,7 @@ fn parts(ui: &mut Ui, shown: &mut Shown, orbit: &Orbit, mask: &mut StyleMask) {
     // Without a change, nothing is shown anew.
     let parts = shown.parts.bypass_change_detection();
     let before = parts.shown();
-    let wishes = parts_panel::draw(ui, parts, &shown.styles, orbit);
+    let wishes = parts_panel::draw(ui, parts, &shown.styles, orbit, shown.scene.is_world);
     if let Some(again) = wishes.step {
         parts.step(again, mask, &mut shown.styles);
     }
@@ -402,10 +414,14 @@ fn save(ui: &mut Ui, shown: &mut Shown) {
         if ui.button("picture").clicked() {
             shown.saved.write(Save::Screenshot);
         }
-        ui.add_enabled_ui(!shown.saving.is_under_way(), |ui| {
+        let is_world = shown.scene.is_world;
+        ui.add_enabled_ui(!shown.saving.is_under_way() && !is_world, |ui| {
             for extension in writable_extensions() {
                 let button = ui.button(format!(".{extension}"));
-                if button.on_hover_text("the scene in the colors that it is shown in").clicked() {
+                let button = button.on_hover_text("the scene in the colors that it is shown in");
+                let button =
+                    if is_world { button.on_disabled_hover_text(world_panel::NO_FILE) } else { button };
+                if button.clicked() {
                     shown.saved.write(Save::Scene(extension));
                 }
             }

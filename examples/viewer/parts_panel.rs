@@ -9,6 +9,7 @@ use stylegaussian_app::Orbit;
 
 use crate::{
     parts::{PartStyle, Parts, Tool, Volume},
+    scene::OF_SCENES,
     styles::Styles,
 };
 
@@ -32,12 +33,16 @@ pub struct Wishes {
 }
 
 /// Draws the section.
-pub fn draw(ui: &mut Ui, parts: &mut Parts, styles: &Styles, orbit: &Orbit) -> Wishes {
+pub fn draw(ui: &mut Ui, parts: &mut Parts, styles: &Styles, orbit: &Orbit, is_world: bool) -> Wishes {
     let mut wishes = Wishes::default();
     ui.collapsing("parts of the scene", |ui| {
         ui.horizontal_wrapped(|ui| {
             for (tool, text, hint) in TOOLS {
-                ui.selectable_value(&mut parts.tool, tool, text).on_hover_text(hint);
+                let fits = !is_world || matches!(tool, Tool::View | Tool::Volume);
+                ui.add_enabled_ui(fits, |ui| {
+                    let choice = ui.selectable_value(&mut parts.tool, tool, text);
+                    choice.on_hover_text(hint).on_disabled_hover_text(OF_SCENES);
+                });
             }
         });
         Grid::new("parts").num_columns(2).show(ui, |ui| {

@@ -12,7 +12,7 @@ use bevy_stylegaussian::{
     stylegaussian::paint::{Pin, StoredPins},
     stylegaussian_files::{write_mask, write_pins, write_scene},
 };
-use stylegaussian_app::save_shown;
+use stylegaussian_app::{Subject, save_shown};
 
 use crate::{
     panel::{Notice, Panel},
@@ -77,7 +77,7 @@ pub fn save_scene(
     mut wishes: MessageReader<Save>,
     shown: Res<ShownScene>,
     scenes: Res<Assets<GaussianScene>>,
-    splats: Single<(&GaussianSplats, Option<&AppliedStyle>)>,
+    splats: Single<(&GaussianSplats, Option<&AppliedStyle>), With<Subject>>,
     mut saving: ResMut<Saving>,
 ) {
     let extension = wishes.read().find_map(|wish| match wish {
@@ -117,7 +117,7 @@ pub fn save_pins(
     mut wishes: MessageReader<Save>,
     shown: Res<ShownScene>,
     scenes: Res<Assets<GaussianScene>>,
-    splats: Single<&GaussianSplats>,
+    splats: Single<&GaussianSplats, With<Subject>>,
     styles: Res<Styles>,
     mut notice: ResMut<Notice>,
 ) {

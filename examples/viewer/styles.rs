@@ -7,11 +7,11 @@ use std::{
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
-    GaussianSplats, StyleLook, StyleRefine, StyleSource,
+    StyleLook, StyleRefine, StyleSource,
     style::{StyleInput, StyleMotion, StylePalette, StylePin, WeightedStyle},
     stylegaussian::paint::Hand,
 };
-use stylegaussian_app::relief_lit_from;
+use stylegaussian_app::{Subject, relief_lit_from};
 
 use crate::{ASSETS, panel::Transfer, scene::ShownScene};
 
@@ -303,7 +303,7 @@ pub fn apply(
     mut commands: Commands,
     mut styles: ResMut<Styles>,
     shown: Res<ShownScene>,
-    scene: Single<(Entity, &mut StyleSource, Option<&mut StyleRefine>), With<GaussianSplats>>,
+    scene: Single<(Entity, &mut StyleSource, Option<&mut StyleRefine>), With<Subject>>,
     mut transfer: ResMut<Transfer>,
 ) {
     let (entity, mut source, refine) = scene.into_inner();
@@ -312,7 +312,11 @@ pub fn apply(
         styles.looks_fit = looks_fit;
     }
     // Only a real change may touch the component: `Changed<StyleSource>` would restyle in each frame.
-    let wanted = styles.source();
+    let mut wanted = styles.source();
+    if shown.is_world {
+        // They are of the scene before it.
+        wanted.pins = default();
+    }
     // How strokes are drawn is shown at once, and nothing comes of it later.
     let is_computed = source.styles != wanted.styles
         || source.content != wanted.content

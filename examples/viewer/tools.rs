@@ -3,7 +3,7 @@
 use bevy::{ecs::system::SystemParam, prelude::*};
 use bevy_egui::input::EguiWantsInput;
 use bevy_stylegaussian::{
-    GaussianSplats, SplatRayCast, StyleMask,
+    SplatRayCast, StyleMask,
     mask::lasso_in_view,
     style::StylePin,
     stylegaussian::{
@@ -11,7 +11,7 @@ use bevy_stylegaussian::{
         mask::{Brush, CHANNELS, Combine, Selection},
     },
 };
-use stylegaussian_app::Orbit;
+use stylegaussian_app::{Orbit, Subject};
 
 use crate::{
     panel::{Notice, Panel},
@@ -54,10 +54,14 @@ pub fn apply(
     mut parts: ResMut<Parts>,
     scene: Res<ShownScene>,
     mut styles: ResMut<Styles>,
-    cloud: Single<(&mut StyleMask, &GlobalTransform), With<GaussianSplats>>,
+    cloud: Single<(&mut StyleMask, &GlobalTransform), With<Subject>>,
     mut notice: ResMut<Notice>,
     mut began_on_picture: Local<bool>,
 ) {
+    // Masks and pins are of single scenes.
+    if scene.is_world && parts.tool != Tool::Volume {
+        return;
+    }
     // The index is there before the first stroke.
     rays.prepare();
     if parts.tool == Tool::View {

@@ -1,6 +1,6 @@
 /** A captured scene in a painting's style: the custom element `<styled-splats>`. A page can have one. */
 export declare class StyledSplats extends HTMLElement {
-  /** Address of the scene, in any format that is one file. */
+  /** Address of the scene, in any format that is one file, or of a world's `lod-meta.json` (streamed SOG). */
   src: string;
   /** Address of an image (JPEG or PNG); empty for the scene as it was captured. */
   painting: string;

@@ -17,6 +17,9 @@ const SECONDS = 1;
 // Factors of how strokes are drawn, and their ranges.
 const STROKES = new Map([["paint", [0, 3]], ["protection", [0, 10]], ["stroke-scale", [0.1, 10]]]);
 
+// The addresses of worlds.
+const WORLD = /(^|\/)lod-meta\.json([?#]|$)/;
+
 // Events of the app as those of the element that has it.
 function hear(kind, text) {
   owner?.hear(kind, text);
@@ -71,10 +74,21 @@ class StyledSplats extends HTMLElement {
 
   async #open() {
     const src = this.getAttribute("src");
+    if (src && WORLD.test(src)) return this.#openWorld(src);
     const bytes = src && (await this.#fetched("src", src));
     if (!bytes) return;
     this.#isLoaded = false;
     app.open_file(nameOf(src), bytes);
+  }
+
+  // A world is fetched by the app, chunk by chunk.
+  #openWorld(src) {
+    // What is fetched for an older one comes too late.
+    this.#asked.src += 1;
+    this.#isLoaded = false;
+    const base = this.ownerDocument.baseURI;
+    if (URL.canParse(src, base)) app.open_world(new URL(src, base).href);
+    else this.#fail(`${src}: found no address`);
   }
 
   async #paint() {

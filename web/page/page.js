@@ -31,6 +31,8 @@ const dropped = new Set();
 let before = null;
 // Whether the scene has no features, which the decoder needs, and whether it is getting them.
 let isPlain = false, isEmbedding = false;
+// The address of the world that the link names, relative to the page.
+let world = "";
 let app;
 
 const notice = (text) => { $("notice").textContent = text; };
@@ -58,7 +60,8 @@ function show() {
   $("embed").textContent = isEmbedding ? "Cancel embedding" : "Embed it";
   // A dropped image is not in the link: nobody else has it.
   const shared = Object.entries(wish).filter(([, value]) => !dropped.has(value));
-  history.replaceState(null, "", wish.style ? `#${new URLSearchParams(shared)}` : "#");
+  const carried = [...(wish.style ? shared : []), ...(world ? [["world", world]] : [])];
+  history.replaceState(null, "", carried.length ? `#${new URLSearchParams(carried)}` : "#");
 }
 
 const needsFeatures = () => isPlain && wish.kind === "decode";
@@ -98,6 +101,11 @@ function readLink() {
   }
   wish.screen_stable = link.get("screen_stable") === "true";
   if (["look", "paint", "decode"].includes(link.get("kind"))) wish.kind = link.get("kind");
+  // Nothing is loaded from other hosts, whoever made the link.
+  const address = link.get("world");
+  if (address && URL.canParse(address, document.baseURI) && new URL(address, document.baseURI).origin === location.origin) world = address;
+  // A look belongs to the demo scene.
+  if (world && wish.kind === "look") wish.kind = "paint";
 }
 
 // The distances of motions are as different as their rates.
@@ -169,6 +177,8 @@ function hear(kind, text) {
     const [count, hasFeatures] = text.split(" ");
     document.body.dataset.scene = count;
     delete document.body.dataset.shown;
+    // A capture takes the world's place.
+    if (before) world = "";
     before = null;
     const didNeed = needsFeatures();
     [isPlain, isEmbedding] = [hasFeatures !== "true", false];
@@ -194,7 +204,8 @@ async function start() {
   $("progress").hidden = false;
   notice("Loading …");
   app = await startApp((share) => { $("progress").value = share; }, hear);
-  app.open_asset("demo.sgs");
+  if (world) app.open_world(new URL(world, document.baseURI).href);
+  else app.open_asset("demo.sgs");
   Object.keys(STROKES).forEach(setStrokes);
   if (wish.style) apply();
 }

@@ -12,8 +12,8 @@ const STAND_IN = `
   export default async () => {};
   export const listen = (listener) => { globalThis.tell = listener; listener("ready", ""); };
   export const use_worker = () => {};
-  export const [open_file, add_painting, set_style, set_strokes, set_transition, embed_soon, cancel_embedding, turn, save_picture_soon, save_glb_soon] =
-    ["open_file", "add_painting", "set_style", "set_strokes", "set_transition", "embed_soon", "cancel_embedding", "turn", "save_picture_soon", "save_glb_soon"].map(note);
+  export const [open_file, open_world, add_painting, set_style, set_strokes, set_transition, embed_soon, cancel_embedding, turn, save_picture_soon, save_glb_soon] =
+    ["open_file", "open_world", "add_painting", "set_style", "set_strokes", "set_transition", "embed_soon", "cancel_embedding", "turn", "save_picture_soon", "save_glb_soon"].map(note);
 `;
 const page = (body) => `<!doctype html><meta charset="utf-8"><link rel="icon" href="data:,">
   <script>
@@ -27,6 +27,7 @@ const PAGES = {
   "/usual.html": page('<styled-splats src="a.spz" painting="assets/styles/ink.jpg" strength="0.5">a garden</styled-splats>'),
   "/wrong.html": page('<styled-splats src="none.spz" method="oil" seconds="-1" paint="4"></styled-splats>'),
   "/two.html": page('<styled-splats id="one" src="a.spz"></styled-splats><styled-splats id="two" src="a.spz"></styled-splats>'),
+  "/world.html": page('<styled-splats src="city/lod-meta.json" painting="assets/styles/ink.jpg"></styled-splats>'),
   "/a.spz": "x".repeat(100),
   "/package/app.js": STAND_IN,
   "/package/app_bg.wasm": "-",
@@ -117,6 +118,30 @@ test("a scene without features is painted, and embedded if the decoder is asked 
   assert.deepEqual((await taken()).map(([name]) => name), ["add_painting", "embed_soon"]);
   const progress = await page.evaluate(() => heard.filter(([kind]) => kind === "progress").at(-1));
   assert.deepEqual(progress, ["progress", { task: "embedding", share: 0.5 }]);
+});
+
+test("a world is the app's to fetch", async () => {
+  const { page, errors, until, taken } = await opened("world.html");
+  await until(4);
+  const first = Object.fromEntries((await taken()).map(([name, ...given]) => [name, given]));
+  assert.deepEqual(first.open_world, [`${server.url}city/lod-meta.json`]);
+  assert.equal(first.open_file, undefined);
+  await page.evaluate(() => tell("loaded", "9 false"));
+  assert.deepEqual(await taken(), [["set_style", ["image:ink.jpg"], [1], 0, 1, false]]);
+  // A file takes its place, and a world that of the file.
+  await page.evaluate(() => { document.querySelector("styled-splats").src = "a.spz"; });
+  await until(1);
+  assert.deepEqual(await taken(), [["open_file", "a.spz", 100]]);
+  await page.evaluate(() => {
+    const element = document.querySelector("styled-splats");
+    element.src = "a.spz";
+    element.src = "town/lod-meta.json?v=2";
+  });
+  await until(1);
+  // What was fetched for the address before comes too late.
+  await page.waitForTimeout(300);
+  assert.deepEqual(await taken(), [["open_world", `${server.url}town/lod-meta.json?v=2`]]);
+  assert.deepEqual(errors, []);
 });
 
 test("what is wrong is told in a sentence", async () => {

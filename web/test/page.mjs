@@ -14,8 +14,8 @@ const STAND_IN = `
   export default async () => ({ memory: new WebAssembly.Memory({ initial: 2 ** 15 }) });
   export const listen = (listener) => { tell = globalThis.tell = listener; tell("ready", ""); };
   export const open_asset = (path) => { calls.push(["open_asset", path]); tell("loaded", "5 true"); };
-  export const [open_file, add_painting, turn, fly, zoom, save_picture_soon, save_glb_soon, embed_soon, cancel_embedding, set_transition] =
-    ["open_file", "add_painting", "turn", "fly", "zoom", "save", "save_glb_soon", "embed_soon", "cancel_embedding", "set_transition"].map(note);
+  export const [open_file, open_world, add_painting, turn, fly, zoom, save_picture_soon, save_glb_soon, embed_soon, cancel_embedding, set_transition] =
+    ["open_file", "open_world", "add_painting", "turn", "fly", "zoom", "save", "save_glb_soon", "embed_soon", "cancel_embedding", "set_transition"].map(note);
   export const [set_strokes, set_motion, set_relief, set_screen_stable] = ["set_strokes", "set_motion", "set_relief", "set_screen_stable"].map(note);
   export const use_worker = () => {};
   export const set_style = (...given) => { note("set_style")(...given); tell("applied", "1"); };
@@ -32,11 +32,13 @@ after(async () => {
   server?.close();
 });
 
-async function opened(link = "", viewport = { width: 1000, height: 640 }) {
+// Without a scene that is shown at once, until the app is asked for `last`.
+async function opened(link = "", viewport = { width: 1000, height: 640 }, last = undefined) {
   const page = await browser.newPage({ viewport });
   const errors = errorsOf(page);
   await page.goto(server.url + link);
-  await page.waitForSelector("body[data-scene]");
+  if (last) await page.waitForFunction((last) => globalThis.calls?.some(([name]) => name === last), last);
+  else await page.waitForSelector("body[data-scene]");
   const taken = () => page.evaluate(() => calls.splice(0));
   return { page, errors, taken };
 }
@@ -117,6 +119,21 @@ test("a file that is too large is refused before it is read, and one that cannot
   assert.deepEqual(await taken(), []);
   assert.equal(await page.inputValue("#kind"), "look");
   assert.deepEqual(errors, []);
+});
+
+test("a link names a world beside the page, and no other host's", async () => {
+  const { page, errors, taken } = await opened("#world=city/lod-meta.json", undefined, "set_screen_stable");
+  assert.deepEqual(await taken(), [["open_world", `${server.url}city/lod-meta.json`], ...BEGINNING.slice(1)]);
+  await page.evaluate(() => tell("loaded", "9 false"));
+  assert.equal(await page.getAttribute("body", "data-scene"), "9");
+  // It is painted: looks are of the demo scene.
+  await page.click('[data-style="ink"]');
+  assert.deepEqual(await taken(), [["set_style", ["paint:ink.jpg"], [1], 0, 1, false]]);
+  const link = new URLSearchParams(new URL(page.url()).hash.slice(1));
+  assert.deepEqual([link.get("world"), link.get("style")], ["city/lod-meta.json", "ink"]);
+  const elsewhere = await opened("#world=https://b.org/city/lod-meta.json");
+  assert.deepEqual(await elsewhere.taken(), BEGINNING);
+  assert.deepEqual([...errors, ...elsewhere.errors], []);
 });
 
 test("an app that stops is told, with the memory that it had", async () => {

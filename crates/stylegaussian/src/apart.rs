@@ -5,11 +5,10 @@
 //! program, so numbers are as they lie in memory, and nothing is rounded. What is used again, surfaces and
 //! canvases, stays there under a number.
 
+mod answer;
 mod bytes;
 #[cfg(test)]
 mod tests;
-
-use std::collections::HashMap;
 
 use glam::{Affine3A, DVec3, UVec2, Vec2, Vec3};
 
@@ -17,19 +16,21 @@ use crate::{
     camera::Camera,
     frame::Frame,
     neighbors::Neighbors,
-    paint::{Canvas, Direction, Hand, Paint, Pin, Surface, Tints, TintsError, pin},
-    restyle::{Recipe, RestyleError, Styles},
+    paint::{Direction, Paint, Pin, TintsError},
+    restyle::RestyleError,
     scene::{Scene, ScreenFilter, Sh},
-    strokes::{StrokeSeed, Strokes},
-    work::{Canceled, Work},
+    strokes::StrokeSeed,
+    work::Canceled,
 };
+pub use answer::Apart;
 pub use bytes::Pieces;
 use bytes::{Reader, own, piece};
 
 /// A request.
 pub enum Call<'a> {
-    /// A scene's surface, under a number.
-    Surface(u32, &'a Scene),
+    /// A scene's surface, under a number. The scene may stand beside the one of another surface, which is given
+    /// by its number.
+    Surface(u32, &'a Scene, Option<u32>),
     /// A painting's canvas, under a number.
     Canvas(u32, &'a Paint),
     /// Paint on a scene. The answer is a [`Painted`](crate::paint::Painted) as bytes.
@@ -48,6 +49,9 @@ pub enum Call<'a> {
 pub struct Laying<'a> {
     /// The number of the surface.
     pub surface: u32,
+    /// The number of the surface that this one stands beside: paint is as it is there, in the same style. What
+    /// was laid on there before in another style is laid on anew.
+    pub beside: Option<u32>,
     /// Numbers and weights of the canvases.
     pub paintings: &'a [(u32, f64)],
     /// Choices beside them.
@@ -56,18 +60,18 @@ pub struct Laying<'a> {
     pub content: f64,
 }
 
-/// Choices beside paintings: a [`Hand`] whose palette may be that of a canvas.
+/// Choices beside paintings: a [`Hand`](crate::paint::Hand) whose palette may be that of a canvas.
 #[derive(Clone, Copy)]
 pub struct Choices<'a> {
-    /// As in [`Hand`].
+    /// As in [`Hand`](crate::paint::Hand).
     pub is_collection: bool,
     /// Colors in the paintings' stead.
     pub tints: Option<TintsOf<'a>>,
-    /// As in [`Hand`].
+    /// As in [`Hand`](crate::paint::Hand).
     pub palette: f32,
-    /// As in [`Hand`].
+    /// As in [`Hand`](crate::paint::Hand).
     pub direction: Option<Direction<'a>>,
-    /// As in [`Hand`].
+    /// As in [`Hand`](crate::paint::Hand).
     pub pins: &'a [Pin],
 }
 
@@ -124,8 +128,8 @@ impl<'a> Call<'a> {
     /// The call as bytes.
     pub fn pieces(&self) -> Pieces<'a> {
         match *self {
-            Self::Surface(number, scene) => {
-                let mut pieces = vec![own(&[SURFACE, number])];
+            Self::Surface(number, scene, beside) => {
+                let mut pieces = vec![own(&[SURFACE, number]), own(&optional(beside))];
                 pieces.extend(pieces_of(scene));
                 pieces
             }
@@ -165,7 +169,9 @@ impl<'a> Laying<'a> {
             Some(Direction::Curve(points)) => (2, points.to_vec()),
         };
         vec![
-            own(&[kind, self.surface, u32::from(is_collection), direction]),
+            own(&[kind, self.surface]),
+            own(&optional(self.beside)),
+            own(&[u32::from(is_collection), direction]),
             own(&[points.len() as u32]),
             own(&points),
             own(&[palette]),
@@ -181,6 +187,17 @@ impl<'a> Laying<'a> {
             own(&of_pins),
         ]
     }
+}
+
+/// A number that may be none: whether there is one, and which.
+fn optional(number: Option<u32>) -> [u32; 2] {
+    [u32::from(number.is_some()), number.unwrap_or_default()]
+}
+
+/// Reads what [`optional`] gives.
+fn read_optional(reader: &mut Reader) -> Result<Option<u32>, ApartError> {
+    let [is_there, number] = reader.some()?;
+    Ok((is_there != 0_u32).then_some(number))
 }
 
 /// All that a surface is found from.
@@ -232,76 +249,6 @@ fn numbers_of(camera: &Camera) -> [f32; 17] {
     numbers
 }
 
-/// The answering side, with all that it keeps.
-#[derive(Default)]
-pub struct Apart {
-    surfaces: HashMap<u32, (Scene, Surface)>,
-    canvases: HashMap<u32, Canvas>,
-}
-
-impl Apart {
-    /// Answers a call.
-    ///
-    /// # Errors
-    /// If the bytes are no call, if it names what was not given or is forgotten, or if the style cannot be had.
-    pub fn answer(&mut self, call: &[u8], work: &Work) -> Result<Vec<u8>, ApartError> {
-        let mut reader = Reader(call);
-        let [kind, number] = reader.some()?;
-        match kind {
-            SURFACE => {
-                let scene = scene(reader)?;
-                let surface = Surface::new(&scene, work)?;
-                self.surfaces.insert(number, (scene, surface));
-            }
-            CANVAS => {
-                self.canvases.insert(number, Canvas::new(&paint(reader)?));
-            }
-            LAY => return self.lay(number, reader, work),
-            PIN => return self.pin(number, reader),
-            FORGET_SURFACE => {
-                self.surfaces.remove(&number);
-            }
-            FORGET_CANVAS => {
-                self.canvases.remove(&number);
-            }
-            _ => return Err(ApartError::Unknown { what: "call" }),
-        }
-        Ok(Vec::new())
-    }
-
-    fn lay(&self, surface: u32, mut reader: Reader, work: &Work) -> Result<Vec<u8>, ApartError> {
-        let (scene, surface) = self.surface(surface)?;
-        let laid = Laid::read(&mut reader)?;
-        reader.end()?;
-        let tints = laid.tints(self)?;
-        let styles = Styles::Painted {
-            paintings: laid.paintings(self)?,
-            surface,
-            hand: Hand { tints: tints.as_ref(), ..laid.hand() },
-        };
-        let recipe = Recipe { looks: Vec::new(), styles, content: laid.content };
-        Ok(recipe.restyle(scene, work)?.to_bytes())
-    }
-
-    fn pin(&self, surface: u32, mut reader: Reader) -> Result<Vec<u8>, ApartError> {
-        let (_, surface) = self.surface(surface)?;
-        let laid = Laid::read(&mut reader)?;
-        let mut strokes = Strokes { seeds: reader.list()?, ..Strokes::default() };
-        reader.end()?;
-        pin(&mut strokes, surface, &laid.paintings(self)?, &laid.hand())
-            .map_err(|error| ApartError::Style(error.to_string()))?;
-        Ok(piece(&strokes.seeds).into_owned())
-    }
-
-    fn surface(&self, number: u32) -> Result<&(Scene, Surface), ApartError> {
-        self.surfaces.get(&number).ok_or(ApartError::Unknown { what: "surface" })
-    }
-
-    fn canvas(&self, number: u32) -> Result<&Canvas, ApartError> {
-        self.canvases.get(&number).ok_or(ApartError::Unknown { what: "canvas" })
-    }
-}
-
 /// The seeds of an answer to [`Call::Pin`].
 ///
 /// # Errors
@@ -311,68 +258,6 @@ pub fn pinned_seeds(answer: &[u8], n: usize) -> Result<Vec<StrokeSeed>, ApartErr
     let seeds = reader.values(n)?;
     reader.end()?;
     Ok(seeds)
-}
-
-/// A [`Laying`] that was read.
-struct Laid {
-    is_collection: bool,
-    /// Whether strokes follow a vector (1), a curve (2) or nothing (0), and its points.
-    direction: (u32, Vec<Vec3>),
-    palette: f32,
-    content: f64,
-    numbers: Vec<u32>,
-    weights: Vec<f64>,
-    tints: [u32; 2],
-    colors: Vec<[f32; 3]>,
-    pins: Vec<Pin>,
-}
-
-impl Laid {
-    /// Reads what follows the surface.
-    fn read(reader: &mut Reader) -> Result<Self, ApartError> {
-        let [is_collection, direction] = reader.some()?;
-        let (is_collection, direction) = (is_collection != 0, (direction, reader.list()?));
-        let (palette, content) = (reader.one()?, reader.one()?);
-        let numbers: Vec<u32> = reader.list()?;
-        let weights = reader.values(numbers.len())?;
-        let (tints, colors) = (reader.some()?, reader.list()?);
-        let places: Vec<[f32; 5]> = reader.list()?;
-        let of_pins: Vec<u32> = reader.values(places.len())?;
-        let pin = |([x, y, z, u, v], painting): ([f32; 5], u32)| Pin {
-            at: Vec3::new(x, y, z),
-            place: Vec2::new(u, v),
-            painting: painting as usize,
-        };
-        let pins = places.into_iter().zip(of_pins).map(pin).collect();
-        Ok(Self { is_collection, direction, palette, content, numbers, weights, tints, colors, pins })
-    }
-
-    fn paintings<'a>(&self, apart: &'a Apart) -> Result<Vec<(&'a Canvas, f64)>, ApartError> {
-        let painting = |(number, weight): (&u32, &f64)| Ok((apart.canvas(*number)?, *weight));
-        self.numbers.iter().zip(&self.weights).map(painting).collect()
-    }
-
-    fn tints(&self, apart: &Apart) -> Result<Option<Tints>, ApartError> {
-        Ok(match self.tints {
-            [0, _] => None,
-            [1, number] => Some(apart.canvas(number)?.tints().clone()),
-            _ => Some(Tints::of_colors(&self.colors)?),
-        })
-    }
-
-    fn hand(&self) -> Hand<'_> {
-        Hand {
-            is_collection: self.is_collection,
-            tints: None,
-            palette: self.palette,
-            direction: match &self.direction {
-                (1, points) => points.first().copied().map(Direction::Along),
-                (2, points) => Some(Direction::Curve(points)),
-                _ => None,
-            },
-            pins: &self.pins,
-        }
-    }
 }
 
 fn scene(mut reader: Reader) -> Result<Scene, ApartError> {

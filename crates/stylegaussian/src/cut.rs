@@ -9,6 +9,8 @@ use std::{cmp::Reverse, collections::BinaryHeap};
 
 use glam::{Affine3A, Mat4, Vec3, Vec4};
 
+use crate::camera::Camera;
+
 /// Error under which no finer level is taken, in pixels: Gaussians a pixel apart already cover all pixels.
 const LEAST_ERROR: f32 = 1.0;
 
@@ -39,6 +41,20 @@ impl CutView {
             pixels: 0.5 * height * clip_from_view.y_axis.y.abs(),
             is_parallel: clip_from_view.w_axis.w == 1.0,
         }
+    }
+
+    /// The view of a pinhole camera.
+    pub fn of_camera(camera: &Camera) -> Self {
+        let size = camera.size.as_vec2();
+        let (scale, shift) = (2.0 * camera.focal / size, 2.0 * camera.center / size - 1.0);
+        // The depth runs from 1 at the near plane to 0. The picture is upside down, as its frustum may be.
+        let clip_from_view = Mat4::from_cols(
+            Vec4::new(scale.x, 0.0, 0.0, 0.0),
+            Vec4::new(0.0, scale.y, 0.0, 0.0),
+            Vec4::new(shift.x, shift.y, 0.0, 1.0),
+            Vec4::new(0.0, 0.0, camera.near, 0.0),
+        );
+        Self::new(camera.view_from_world.inverse(), clip_from_view, size.y)
     }
 
     /// The same view, in which all errors have this factor, 0..1: of one that is expected and not there yet.
@@ -169,7 +185,7 @@ fn finer(counts: &[usize], level: usize) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
-    use glam::Quat;
+    use glam::{Quat, UVec2, Vec2};
 
     use super::*;
     use crate::random::Random;
@@ -204,6 +220,30 @@ mod tests {
         assert!(view.pixels(moved(Vec3::new(3.9, 0.0, 0.0))) > 0.0, "its edge is within 45 degrees");
         assert_eq!(view.pixels([Vec3::splat(-9.0), Vec3::splat(9.0)]), f32::MAX, "around the camera");
         assert_eq!(view.pixels([Vec3::NAN, Vec3::ONE]), 0.0);
+    }
+
+    #[test]
+    fn a_pinhole_camera_sees_what_its_projection_does() {
+        let eye = Vec3::new(1.0, 2.0, 9.0);
+        let camera = Camera::look_at(eye, Vec3::ZERO, Vec3::Y, 1.2, UVec2::new(200, 100));
+        let place = Affine3A::from_mat4(Mat4::look_at_rh(eye, Vec3::ZERO, Vec3::Y)).inverse();
+        let projection = Mat4::perspective_infinite_reverse_rh(1.2, 2.0, camera.near);
+        let (found, expected) = (CutView::of_camera(&camera), CutView::new(place, projection, 100.0));
+        let mut n_seen = 0;
+        for i in 0..500 {
+            let [x, y, z] = [i % 10, i / 10 % 10, i / 100].map(|i| 3.1 * i as f32 - 14.3);
+            let bounds = [Vec3::new(x, y, z), Vec3::new(x + 0.7, y + 0.9, z + 1.1)];
+            let (found, expected) = (found.pixels(bounds), expected.pixels(bounds));
+            assert!((found - expected).abs() <= 1e-3 * expected, "{bounds:?}: {found} {expected}");
+            n_seen += usize::from(found > 0.0);
+        }
+        assert!(n_seen > 10 && n_seen < 500, "{n_seen}");
+        // Rays that are off the picture's middle see more on one side.
+        let aside = CutView::of_camera(&Camera { center: Vec2::new(0.0, 50.0), ..camera });
+        let right = [Vec3::new(9.0, -0.5, -1.0), Vec3::new(9.5, 0.5, 0.0)];
+        assert!(
+            aside.pixels(right) > 0.0 && aside.pixels(right.map(|at| at * Vec3::new(-1.0, 1.0, 1.0))) == 0.0
+        );
     }
 
     #[test]

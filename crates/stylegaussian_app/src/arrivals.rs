@@ -5,7 +5,7 @@ use std::time::Duration;
 use bevy::prelude::*;
 use bevy_stylegaussian::StyleTransition;
 
-use crate::camera::Orbit;
+use crate::{camera::Orbit, opening::Subject};
 
 /// The longest time of a transition in seconds. More is a mistake of whoever asks for it.
 const LONGEST: f32 = 3600.0;
@@ -71,7 +71,7 @@ impl Arrivals {
 pub fn set_transition(
     arrivals: Res<Arrivals>,
     orbit: Single<&Orbit>,
-    mut transition: Single<&mut StyleTransition>,
+    mut transition: Single<&mut StyleTransition, With<Subject>>,
 ) {
     transition.set_if_neq(arrivals.transition(&orbit));
 }

@@ -1,7 +1,7 @@
 //! A scene that is opened: its state of loading, and its part that a camera is to see.
 
 use bevy::{asset::LoadState, prelude::*};
-use bevy_stylegaussian::GaussianScene;
+use bevy_stylegaussian::{GaussianScene, stylegaussian_files::world::World as Levels};
 
 use crate::camera::Orbit;
 
@@ -12,18 +12,22 @@ const OUTSIDE: f64 = 0.03;
 /// Radius of what is framed if there is nothing, in scene units.
 const NOTHING: f32 = 0.1;
 
-/// A scene that was asked for, or `None` while it is being loaded.
+/// Marks the entity of the scene or the world that is shown. The parts of a world are entities, too.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct Subject;
+
+/// A scene or a world that was asked for, or `None` while it is being loaded.
 ///
 /// # Errors
 /// If it cannot be loaded.
-pub fn loaded_scene<'a>(
-    handle: &Handle<GaussianScene>,
-    scenes: &'a Assets<GaussianScene>,
+pub fn loaded_asset<'a, A: Asset>(
+    handle: &Handle<A>,
+    loaded: &'a Assets<A>,
     assets: &AssetServer,
-) -> Option<Result<&'a GaussianScene, String>> {
+) -> Option<Result<&'a A, String>> {
     match assets.get_load_state(handle) {
         Some(LoadState::Failed(error)) => Some(Err(error.to_string())),
-        _ => scenes.get(handle).map(Ok),
+        _ => loaded.get(handle).map(Ok),
     }
 }
 
@@ -59,6 +63,26 @@ impl Framing {
         }
     }
 
+    /// Measures a world by the boxes of its parts. Its files tell no up direction: it is that of captures.
+    pub fn of_world(levels: &Levels) -> Self {
+        let parts = || {
+            levels.nodes.iter().map(|node| {
+                let counts = node.levels.iter().flatten().map(|run| run.range.len());
+                (node.bounds, counts.max().unwrap_or(0))
+            })
+        };
+        let edge = |corner: usize, outside: f64| {
+            Vec3::from_array([0, 1, 2].map(|axis| {
+                let places = parts().map(|(bounds, count)| (bounds[corner][axis], count));
+                place_above(places.collect(), outside)
+            }))
+        };
+        let [min, max] = [edge(0, OUTSIDE), edge(1, 1.0 - OUTSIDE)];
+        let radius = (max - min).length() / 2.0;
+        let radius = if radius > 0.0 { radius } else { NOTHING };
+        Self { up: Vec3::NEG_Y, center: (min + max) / 2.0, radius, eye: None }
+    }
+
     /// The rotation that turns the scene upright.
     pub fn world_from_scene(&self) -> Quat {
         Quat::from_rotation_arc(self.up.normalize_or(Vec3::Y), Vec3::Y)
@@ -76,9 +100,25 @@ impl Framing {
     }
 }
 
+/// The first of these places at which a share of all Gaussians lies there or below. Places come with their
+/// Gaussians.
+fn place_above(mut places: Vec<(f32, usize)>, share: f64) -> f32 {
+    places.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    let total: usize = places.iter().map(|(_, count)| count).sum();
+    let mut passed = 0;
+    let is_above = |(_, count): &&(f32, usize)| {
+        passed += count;
+        passed as f64 >= share * total as f64
+    };
+    places.iter().find(is_above).map_or(0.0, |(at, _)| *at)
+}
+
 #[cfg(test)]
 mod tests {
-    use bevy_stylegaussian::stylegaussian::Scene;
+    use bevy_stylegaussian::{
+        stylegaussian::Scene,
+        stylegaussian_files::world::{Node, Run},
+    };
 
     use super::*;
 
@@ -155,6 +195,24 @@ mod tests {
         assert!(framing.center.distance(Vec3::X) < 1e-6, "{}", framing.center);
         // 3.33 deviations along each axis.
         assert!((framing.radius / 5.77e-3 - 1.0).abs() < 0.01, "{}", framing.radius);
+    }
+
+    /// A row of parts of equal counts along x, and one of few Gaussians far away.
+    #[test]
+    fn a_world_is_framed_without_what_is_far_away() {
+        let node = |x: f32, count: usize| Node {
+            bounds: [Vec3::new(x, 0.0, 0.0), Vec3::new(x + 1.0, 2.0, 4.0)],
+            levels: vec![Some(Run { file: 0, range: 0..count }), None],
+        };
+        let mut nodes: Vec<Node> = (0..10).map(|i| node(i as f32, 100)).collect();
+        nodes.push(node(900.0, 10));
+        let levels = Levels { n_levels: 2, files: vec!["a.sog".into()], environment: None, nodes };
+        let framing = Framing::of_world(&levels);
+        assert_eq!(framing.center, Vec3::new(5.0, 1.0, 2.0));
+        assert!((framing.radius - 0.5 * 120.0_f32.sqrt()).abs() < 1e-5, "{}", framing.radius);
+        assert_eq!((framing.up, framing.eye), (Vec3::NEG_Y, None));
+        let empty = Framing::of_world(&Levels { nodes: Vec::new(), ..levels });
+        assert_eq!((empty.center, empty.radius), (Vec3::ZERO, NOTHING));
     }
 
     #[test]

@@ -79,8 +79,8 @@ pub use error::{FileError, Loaded, Mismatch};
 pub use format::{ReadOptions, WriteOptions};
 pub use formats::{readable_extensions, writable_extensions};
 pub use scenes::{
-    Reading, SceneReader, read_scene, read_scene_with, scene_from_bytes, scene_to_bytes, write_scene,
-    write_scene_with,
+    Reading, SceneReader, read_scene, read_scene_with, read_world_at, scene_from_bytes, scene_to_bytes,
+    write_scene, write_scene_with,
 };
 pub use slices::Slices;
 

@@ -13,6 +13,7 @@ use super::{
     format::{ReadOptions, Unwritten, WriteOptions, WriteScene},
     formats::{format_of, writable, writer_of},
     sog,
+    world::World,
 };
 
 /// A scene whose files come one after another: some formats keep a scene in several.
@@ -91,7 +92,26 @@ pub fn read_scene(path: &Path) -> Result<Loaded, FileError> {
 /// As [`read_scene`].
 pub fn read_scene_with(path: &Path, options: ReadOptions) -> Result<Loaded, FileError> {
     let path = &*file_of(path)?;
-    let mut reader = SceneReader::new(read_bytes(path)?, &path.to_string_lossy(), options);
+    read_beside(path, read_bytes(path)?, options)
+}
+
+/// Reads parts of a world as one scene: each node at the level of `levels` `[nodes]`, and none of those that
+/// have none there. `path` is the world's `lod-meta.json`. The surroundings come with them.
+///
+/// # Errors
+/// As [`read_scene`].
+pub fn read_world_at(
+    path: &Path,
+    world: &World,
+    levels: &[Option<usize>],
+    options: ReadOptions,
+) -> Result<Loaded, FileError> {
+    read_beside(path, world.only(levels).write(), options)
+}
+
+/// Reads a scene of the bytes of a file and of those beside it.
+fn read_beside(path: &Path, bytes: Vec<u8>, options: ReadOptions) -> Result<Loaded, FileError> {
+    let mut reader = SceneReader::new(bytes, &path.to_string_lossy(), options);
     loop {
         match reader.read()? {
             Reading::Scene(loaded) => return Ok(*loaded),

@@ -13,7 +13,7 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let folder = Path::new("city");
 //! let path = folder.join(FILE);
-//! let world = World::read(&std::fs::read(&path)?).map_err(|mismatch| mismatch.at(&path))?;
+//! let world = World::open(&path)?;
 //! // The finest level of the first node.
 //! if let Some(run) = &world.nodes[0].levels[0] {
 //!     let path = folder.join(&world.files[run.file]);
@@ -25,14 +25,19 @@
 //! # }
 //! ```
 
-use std::{collections::BTreeMap, ops::Range, path::Path};
+use std::{
+    collections::BTreeMap,
+    ops::Range,
+    path::{Path, PathBuf},
+};
 
 use glam::Vec3;
 use serde::Deserialize;
 use stylegaussian::Scene;
 
 use crate::{
-    error::{Mismatch, mismatch},
+    bytes::read_bytes,
+    error::{FileError, Mismatch, mismatch},
     json::parse,
     names::check_downward,
 };
@@ -55,6 +60,12 @@ pub const FILE: &str = "lod-meta.json";
 
 /// The most levels of a world. Counts have 32 bits, so 32 levels that halve them end at one Gaussian.
 pub const MAX_LEVELS: usize = 32;
+
+/// The `lod-meta.json` that a path names: the file itself, or the one in the folder. `None` if there is none.
+pub fn manifest_at(path: &Path) -> Option<PathBuf> {
+    let file = if path.is_dir() { path.join(FILE) } else { path.into() };
+    (file.file_name().is_some_and(|name| name == FILE) && file.is_file()).then_some(file)
+}
 
 /// Levels of detail of a scene, and the chunks that hold them.
 #[derive(Clone, Debug, PartialEq)]
@@ -132,6 +143,14 @@ struct Lod {
 }
 
 impl World {
+    /// Reads the `lod-meta.json` at a path.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or as [`read`](Self::read).
+    pub fn open(path: &Path) -> Result<Self, FileError> {
+        Self::read(&read_bytes(path)?).map_err(|mismatch| mismatch.at(path))
+    }
+
     /// Reads a `lod-meta.json`.
     ///
     /// # Errors
@@ -165,6 +184,32 @@ impl World {
     pub fn count(&self, level: usize) -> u64 {
         let runs = self.nodes.iter().filter_map(|node| node.levels.get(level)?.as_ref());
         runs.map(|run| run.range.len() as u64).sum()
+    }
+
+    /// The world with each node at one level alone: `levels` `[nodes]`. Nodes are left out that have none, or
+    /// no Gaussians of their own there.
+    pub fn only(&self, levels: &[Option<usize>]) -> Self {
+        let at_level = |(node, level): (&Node, &Option<usize>)| {
+            let level = (*level)?;
+            let run = node.levels.get(level)?.clone()?;
+            let mut levels = vec![None; node.levels.len()];
+            levels[level] = Some(run);
+            Some(Node { bounds: node.bounds, levels })
+        };
+        let nodes = self.nodes.iter().zip(levels).filter_map(at_level).collect();
+        Self {
+            n_levels: self.n_levels,
+            files: self.files.clone(),
+            environment: self.environment.clone(),
+            nodes,
+        }
+    }
+
+    /// The smallest and the largest corner of the box around all nodes, in the coordinates of the chunks, or
+    /// `None` if there are none.
+    pub fn bounds(&self) -> Option<[Vec3; 2]> {
+        let bounds = self.nodes.iter().map(|node| node.bounds);
+        bounds.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)])
     }
 
     /// Checks that a chunk has all Gaussians that the nodes want of it. `file` is its index in

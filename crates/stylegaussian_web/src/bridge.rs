@@ -3,8 +3,11 @@
 use std::cell::{Cell, RefCell};
 
 use bevy::prelude::*;
-use bevy_stylegaussian::{GaussianSceneFailed, GaussianSceneReady, StyleApplied, StyleFailed};
+use bevy_stylegaussian::{
+    GaussianSceneFailed, GaussianSceneReady, StyleApplied, StyleFailed, world::WorldState,
+};
 use js_sys::{Function, Uint8Array};
+use stylegaussian_app::Subject;
 use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
 
 /// A request of the page's script.
@@ -12,6 +15,10 @@ use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
 pub enum Request {
     /// A scene beside the page, by its path in `assets`.
     OpenAsset(String),
+    /// A world, by the address of its `lod-meta.json`.
+    OpenWorld(String),
+    /// Most Gaussians of a world that are shown.
+    WorldBudget(usize),
     /// A scene of the visitor.
     OpenFile {
         /// The file's name.
@@ -119,6 +126,8 @@ thread_local! {
     static LISTENER: RefCell<Option<Function>> = const { RefCell::new(None) };
     /// The answer of [`cameras`].
     static CAMERAS: RefCell<String> = const { RefCell::new(String::new()) };
+    /// The answer of [`world`].
+    static WORLD: RefCell<String> = const { RefCell::new(String::new()) };
     /// Whether the first frame was reported.
     static IS_TOLD: Cell<bool> = const { Cell::new(false) };
 }
@@ -138,6 +147,27 @@ pub fn listen(listener: Function) {
 #[wasm_bindgen]
 pub fn open_asset(path: String) {
     ask(Request::OpenAsset(path));
+}
+
+/// Shows a world: levels of detail of a streamed SOG, by the address of its `lod-meta.json`. Its chunks are
+/// fetched from beside that as the camera needs them.
+#[wasm_bindgen]
+pub fn open_world(address: String) {
+    ask(Request::OpenWorld(address));
+}
+
+/// Sets the most Gaussians of a world that are shown, 1 million at first.
+#[wasm_bindgen]
+pub fn set_world_budget(gaussians: u32) {
+    ask(Request::WorldBudget(gaussians as usize));
+}
+
+/// Counts of the world that is shown, as JSON, or an empty text if there is none: `parts`, `shown_parts`,
+/// `shown` and `arriving` Gaussians, `loading` files, and parts that are `waiting` for another level or are
+/// `unstyled`.
+#[wasm_bindgen]
+pub fn world() -> String {
+    WORLD.with_borrow(Clone::clone)
 }
 
 /// Shows a scene of the visitor.
@@ -286,6 +316,19 @@ pub fn note_camera(vertical_angle: f32, size: UVec2, scene_from_camera: Mat4) {
     ));
 }
 
+/// Notes the counts for [`world`].
+pub fn note_world(state: Option<&WorldState>) {
+    let text = state.map(|state| {
+        let WorldState { parts, shown_parts, shown, arriving, loading, waiting, unstyled, .. } = state;
+        format!(
+            "{{\"parts\": {parts}, \"shown_parts\": {shown_parts}, \"shown\": {shown}, \
+             \"arriving\": {arriving}, \"loading\": {loading}, \"waiting\": {waiting}, \
+             \"unstyled\": {unstyled}}}"
+        )
+    });
+    WORLD.set(text.unwrap_or_default());
+}
+
 /// Passes on what the script has asked for since the last frame.
 pub fn take_requests(mut requests: MessageWriter<Request>) {
     requests.write_batch(REQUESTS.take());
@@ -294,19 +337,27 @@ pub fn take_requests(mut requests: MessageWriter<Request>) {
     }
 }
 
+// Parts of a world are scenes, too. `world` tells of them all together.
+
 /// Tells that a scene is drawn.
-pub fn tell_shown(_: On<GaussianSceneReady>) {
-    tell(Event::Shown, "");
+pub fn tell_shown(ready: On<GaussianSceneReady>, subjects: Query<(), With<Subject>>) {
+    if subjects.contains(ready.entity) {
+        tell(Event::Shown, "");
+    }
 }
 
 /// Tells that a style is shown.
-pub fn tell_applied(applied: On<StyleApplied>) {
-    tell(Event::Applied, &applied.elapsed.as_millis().to_string());
+pub fn tell_applied(applied: On<StyleApplied>, subjects: Query<(), With<Subject>>) {
+    if subjects.contains(applied.entity) {
+        tell(Event::Applied, &applied.elapsed.as_millis().to_string());
+    }
 }
 
 /// Tells why a scene cannot be shown.
-pub fn tell_failed_scene(failed: On<GaussianSceneFailed>) {
-    tell(Event::Failed, &failed.error.to_string());
+pub fn tell_failed_scene(failed: On<GaussianSceneFailed>, subjects: Query<(), With<Subject>>) {
+    if subjects.contains(failed.entity) {
+        tell(Event::Failed, &failed.error.to_string());
+    }
 }
 
 /// Tells why a style cannot be shown.

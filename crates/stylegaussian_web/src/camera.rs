@@ -1,8 +1,7 @@
 //! The camera, as the page's script steers it: that reads mouse, touch and keys, and says by how much.
 
 use bevy::prelude::*;
-use bevy_stylegaussian::GaussianSplats;
-use stylegaussian_app::{FIELD_OF_VIEW, Orbit};
+use stylegaussian_app::{FIELD_OF_VIEW, Orbit, Subject};
 
 use crate::bridge::{self, Request};
 
@@ -19,11 +18,7 @@ pub fn turn(mut requests: MessageReader<Request>, mut orbit: Single<&mut Orbit>)
 }
 
 /// Tells the page's script where the camera is.
-pub fn note(
-    camera: Single<&Orbit>,
-    scene: Single<&Transform, With<GaussianSplats>>,
-    window: Single<&Window>,
-) {
+pub fn note(camera: Single<&Orbit>, scene: Single<&Transform, With<Subject>>, window: Single<&Window>) {
     let scene_from_camera = scene.compute_affine().inverse() * camera.transform().compute_affine();
     bridge::note_camera(FIELD_OF_VIEW, window.physical_size(), scene_from_camera.into());
 }

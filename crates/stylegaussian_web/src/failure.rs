@@ -7,7 +7,8 @@ use bevy::{
         settings::RenderCreation,
     },
 };
-use bevy_stylegaussian::GaussianSplats;
+use bevy_stylegaussian::{GaussianBudget, GaussianSplats, GaussianWorld};
+use stylegaussian_app::Subject;
 
 use crate::bridge::{self, Event};
 
@@ -25,8 +26,7 @@ fn handle(error: &RenderError, main_world: &mut World, _: &mut World) -> RenderE
             RenderErrorPolicy::Recover(RenderCreation::default())
         }
         ErrorType::OutOfMemory => {
-            drop_scene(main_world);
-            bridge::tell(Event::Failed, "The GPU has no memory left for this scene. Open a smaller one.");
+            bridge::tell(Event::Failed, free(main_world));
             RenderErrorPolicy::Ignore
         }
         ErrorType::Validation | ErrorType::Internal => {
@@ -36,8 +36,15 @@ fn handle(error: &RenderError, main_world: &mut World, _: &mut World) -> RenderE
     }
 }
 
-/// Shows no scene, so that its memory is free again.
-fn drop_scene(world: &mut World) {
-    let mut scenes = world.query::<&mut GaussianSplats>();
-    scenes.iter_mut(world).for_each(|mut scene| *scene = GaussianSplats::default());
+/// Shows no scene, or less of a world, so that memory is free again. Returns what to tell.
+fn free(main_world: &mut World) -> &'static str {
+    let mut worlds = main_world.query_filtered::<(), (With<Subject>, With<GaussianWorld>)>();
+    if worlds.iter(main_world).next().is_some() {
+        let budget = main_world.get_resource_or_init::<GaussianBudget>().into_inner();
+        *budget = GaussianBudget::new(budget.gaussians / 2);
+        return "The GPU has no memory left. Less of the world is shown.";
+    }
+    let mut scenes = main_world.query_filtered::<&mut GaussianSplats, With<Subject>>();
+    scenes.iter_mut(main_world).for_each(|mut scene| *scene = GaussianSplats::default());
+    "The GPU has no memory left for this scene. Open a smaller one."
 }

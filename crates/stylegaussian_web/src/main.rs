@@ -5,6 +5,7 @@
 //! requests to the app, and hears of what happened. Built by `cargo xtask web`. The same program in a window
 //! shows the demo scene and hears nothing.
 
+mod address;
 mod bridge;
 mod camera;
 mod failure;
@@ -15,6 +16,7 @@ mod scene;
 mod style;
 mod work;
 mod worker;
+mod world;
 
 use bevy::{asset::AssetMetaCheck, prelude::*};
 use bevy_stylegaussian::{StyleGaussianPlugin, style::decoder::StyleBudget};
@@ -43,10 +45,9 @@ fn main() -> AppExit {
     };
     // Without this, the browser would report a missing file beside every asset.
     let files = AssetPlugin { meta_check: AssetMetaCheck::Never, ..default() };
-    App::new()
-        .add_plugins(
-            DefaultPlugins.set(files).set(WindowPlugin { primary_window: Some(window), ..default() }),
-        )
+    let mut app = App::new();
+    address::register(&mut app);
+    app.add_plugins(DefaultPlugins.set(files).set(WindowPlugin { primary_window: Some(window), ..default() }))
         .add_plugins(StyleGaussianPlugin::default())
         .insert_resource(failure::handler())
         .insert_resource(StyleBudget { ms_per_frame: BUDGET })
@@ -64,7 +65,9 @@ fn main() -> AppExit {
                 bridge::take_requests,
                 (
                     scene::open,
+                    world::show_loaded,
                     scene::show_loaded,
+                    world::set_budget,
                     camera::turn,
                     paintings::take_dropped,
                     style::set_budget,
@@ -82,7 +85,9 @@ fn main() -> AppExit {
         )
         .add_systems(PostUpdate, (place_camera.before(TransformSystems::Propagate), camera::note).chain())
         .add_observer(bridge::tell_failed_scene)
+        .add_systems(Last, world::follow)
         .add_observer(bridge::tell_shown)
+        .add_observer(world::tell_failed)
         .add_observer(bridge::tell_applied)
         .add_observer(bridge::tell_failed_style)
         .run()

@@ -11,7 +11,7 @@ use bevy_stylegaussian::{
     stylegaussian_files::scene_to_bytes,
 };
 use js_sys::{Array, Uint8Array};
-use stylegaussian_app::save_shown;
+use stylegaussian_app::{Subject, save_shown};
 use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
 
 use crate::{
@@ -71,13 +71,16 @@ enum Making {
 /// Downloads the scene as a file.
 pub fn scene(
     mut requests: MessageReader<Request>,
-    splats: Single<(&GaussianSplats, Option<&AppliedStyle>)>,
+    subject: Single<(Option<&GaussianSplats>, Option<&AppliedStyle>), With<Subject>>,
     scenes: Res<Assets<GaussianScene>>,
     (shown, wish, paintings): (Res<Shown>, Res<Wish>, Res<Paintings>),
     mut saving: ResMut<Saving>,
 ) {
     if requests.read().any(|request| matches!(request, Request::SaveGlb)) {
-        let (splats, style) = *splats;
+        let (splats, style) = *subject;
+        let Some(splats) = splats else {
+            return bridge::tell(Event::Failed, "A world is not saved as one file.");
+        };
         let Some(scene) = scenes.get(&splats.0) else {
             return bridge::tell(Event::Failed, "There is no scene to save.");
         };

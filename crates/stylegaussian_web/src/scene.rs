@@ -1,16 +1,18 @@
-//! The scene that is shown, and the one that comes next.
+//! The scene or the world that is shown, and the one that comes next.
 
 use bevy::{
     prelude::*,
     tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
 };
 use bevy_stylegaussian::{
-    GaussianScene, GaussianSplats, StyleSource, StyleTransition, stylegaussian_files::scene_to_bytes,
+    GaussianScene, GaussianSplats, GaussianWorld, StyleSource, StyleTransition,
+    stylegaussian_files::scene_to_bytes, world::WorldManifest,
 };
 use js_sys::Uint8Array;
-use stylegaussian_app::{Framing, Orbit, loaded_scene};
+use stylegaussian_app::{Framing, Orbit, Subject, loaded_asset};
 
 use crate::{
+    address,
     bridge::{self, Event, Request},
     memory,
     style::Wish,
@@ -22,13 +24,18 @@ use crate::{
 const NO_WORKER: &str =
     "this page has no worker, which embedding needs; `stylegaussian embed` does it outside of a browser";
 
-/// The scene that is coming.
+/// Why a world cannot be embedded.
+const IS_WORLD: &str = "a world is larger than the page can embed; open a single scene for it";
+
+/// The scene or the world that is coming.
 #[derive(Default)]
 enum Next {
     #[default]
     None,
     /// An asset of the server, and its path.
     Asset(Handle<GaussianScene>, String),
+    /// A world at an address.
+    World(Handle<WorldManifest>),
     /// A file of the visitor, which nobody reads yet.
     File { name: String, bytes: Uint8Array },
     /// The present scene with features, for which nobody computes yet.
@@ -47,9 +54,9 @@ pub struct Shown {
     asset: Option<(AssetId<GaussianScene>, String)>,
 }
 
-/// Spawns the entity that shows scenes.
+/// Spawns the entity that shows scenes and worlds.
 pub fn spawn(mut commands: Commands) {
-    commands.spawn((GaussianSplats::default(), StyleSource::none(), StyleTransition::default()));
+    commands.spawn((Subject, GaussianSplats::default(), StyleSource::none(), StyleTransition::default()));
 }
 
 /// Begins to load the newest scene that was asked for. The present one stays until it is there.
@@ -57,6 +64,9 @@ pub fn open(mut requests: MessageReader<Request>, mut shown: ResMut<Shown>, asse
     for request in requests.read() {
         match request {
             Request::OpenAsset(path) => shown.replace(Next::Asset(assets.load(path.clone()), path.clone())),
+            Request::OpenWorld(address) => {
+                shown.replace(Next::World(assets.load(address::path_of(address))));
+            }
             Request::OpenFile { name, bytes } => {
                 shown.replace(Next::File { name: name.clone(), bytes: bytes.clone() });
             }
@@ -109,10 +119,26 @@ impl Shown {
         Ok(())
     }
 
-    /// Begins what waits for the worker, once it is known whether there is one.
+    /// The next world, once its manifest is loaded.
+    ///
+    /// # Errors
+    /// If it cannot be loaded.
+    pub fn take_world<'a>(
+        &mut self,
+        manifests: &'a Assets<WorldManifest>,
+        assets: &AssetServer,
+    ) -> Option<Result<(Handle<WorldManifest>, &'a WorldManifest), String>> {
+        let Next::World(handle) = &self.next else { return None };
+        let (handle, loaded) = (handle.clone(), loaded_asset(handle, manifests, assets)?);
+        self.next = Next::None;
+        Some(loaded.map(|manifest| (handle, manifest)))
+    }
+
+    /// Begins what waits for the worker, once it is known whether there is one. There is no `present` scene if
+    /// a world is shown.
     fn begin(
         &mut self,
-        present: AssetId<GaussianScene>,
+        present: Option<AssetId<GaussianScene>>,
         scenes: &Assets<GaussianScene>,
     ) -> Result<(), String> {
         self.next = match (&self.next, worker::state()) {
@@ -125,6 +151,7 @@ impl Shown {
                 reading(name.clone(), memory::copied(bytes)?, false, false)?
             }
             (Next::Embedded, State::Ready) => {
+                let present = present.ok_or(IS_WORLD)?;
                 Next::Worker { call: self.embed(present, scenes)?, is_embedding: true }
             }
             (Next::Embedded, State::Absent) => return Err(NO_WORKER.into()),
@@ -140,9 +167,9 @@ impl Shown {
         assets: &AssetServer,
     ) -> Option<Result<(Handle<GaussianScene>, bool), String>> {
         match &mut self.next {
-            Next::None | Next::File { .. } | Next::Embedded => None,
+            Next::None | Next::World(_) | Next::File { .. } | Next::Embedded => None,
             Next::Asset(handle, _) => {
-                let loaded = loaded_scene(handle, scenes, assets)?;
+                let loaded = loaded_asset(handle, scenes, assets)?;
                 Some(loaded.map(|_| (handle.clone(), false)))
             }
             Next::Worker { call, is_embedding } => {
@@ -180,15 +207,15 @@ fn reading(name: String, bytes: Vec<u8>, of_worker: bool, is_embedded: bool) -> 
 
 /// Shows the next scene once it is loaded, and moves the camera to see all of it.
 pub fn show_loaded(
+    mut commands: Commands,
     mut shown: ResMut<Shown>,
-    entity: Single<(&mut GaussianSplats, &mut Transform)>,
+    subject: Single<(Entity, Option<&mut GaussianSplats>, &mut Transform), With<Subject>>,
     view: Single<(&mut Orbit, &Camera)>,
     mut scenes: ResMut<Assets<GaussianScene>>,
-    mut wish: ResMut<Wish>,
-    assets: Res<AssetServer>,
+    (mut wish, assets): (ResMut<Wish>, Res<AssetServer>),
 ) {
-    let (mut splats, mut transform) = entity.into_inner();
-    let begun = shown.begin(splats.0.id(), &scenes);
+    let (entity, splats, mut transform) = subject.into_inner();
+    let begun = shown.begin(splats.as_ref().map(|splats| splats.0.id()), &scenes);
     let next = begun.map_or_else(|error| Some(Err(error)), |()| shown.poll(&mut scenes, &assets));
     let Some(next) = next else { return };
     let last = std::mem::take(&mut shown.next);
@@ -209,7 +236,12 @@ pub fn show_loaded(
     if let Next::Asset(handle, path) = last {
         shown.asset = Some((handle.id(), path));
     }
-    splats.0 = handle;
+    match splats {
+        Some(mut splats) => splats.0 = handle,
+        None => {
+            commands.entity(entity).remove::<GaussianWorld>().insert(GaussianSplats(handle));
+        }
+    }
     if !has_features {
         wish.forget_decoded();
     }

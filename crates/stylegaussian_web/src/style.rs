@@ -6,7 +6,7 @@ use bevy_stylegaussian::{
     style::{StyleInput, StyleMethod, StyleMotion, decoder::StyleBudget},
 };
 use js_sys::{Array, Float32Array};
-use stylegaussian_app::{Arrival, Arrivals, relief_lit_from};
+use stylegaussian_app::{Arrival, Arrivals, Subject, relief_lit_from};
 use wasm_bindgen::JsValue;
 
 use crate::{
@@ -83,7 +83,7 @@ pub fn wish(mut requests: MessageReader<Request>, mut wish: ResMut<Wish>, mut ar
 pub fn put_on(
     mut wish: ResMut<Wish>,
     mut paintings: ResMut<Paintings>,
-    source: Single<&mut StyleSource>,
+    source: Single<&mut StyleSource, With<Subject>>,
     mut method: ResMut<StyleMethod>,
     mut images: ResMut<Assets<Image>>,
     styles: Res<Assets<StyleStatistics>>,
@@ -118,7 +118,10 @@ pub fn put_on(
 }
 
 /// Changes how strokes are drawn, and how they move.
-pub fn set_strokes(mut requests: MessageReader<Request>, mut source: Single<&mut StyleSource>) {
+pub fn set_strokes(
+    mut requests: MessageReader<Request>,
+    mut source: Single<&mut StyleSource, With<Subject>>,
+) {
     for request in requests.read() {
         match *request {
             Request::Strokes { paint, protection, stroke_scale } => {

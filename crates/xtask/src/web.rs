@@ -194,6 +194,7 @@ fn test_built(steps: &mut Steps, app: &App) -> Result<()> {
             "--test",
             "web/test/app.mjs",
             "web/test/limits.mjs",
+            "web/test/world.mjs",
             "web/test/examples.mjs",
         ]),
     )

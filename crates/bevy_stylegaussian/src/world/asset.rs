@@ -33,8 +33,7 @@ impl WorldManifest {
     /// The smallest and the largest corner of the box around all parts, in the coordinates of the files, or
     /// `None` if there are none.
     pub fn bounds(&self) -> Option<[Vec3; 2]> {
-        let bounds = self.0.nodes.iter().map(|node| node.bounds);
-        bounds.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)])
+        self.0.bounds()
     }
 }
 

@@ -1,4 +1,4 @@
-//! The components of a world, and the budget of all of them.
+//! The components of a world, and the event of its failures.
 
 use bevy::prelude::*;
 
@@ -22,7 +22,7 @@ use super::{asset::WorldManifest, tree::Tree};
 ///
 /// All parts are painted to look like one scene, which some Gaussians of the coarsest levels are painted as
 /// first: in one palette, in strokes of one size and contrast. Each part searches for its strokes by itself, so
-/// a stroke ends where its part ends. In a browser, each part is painted alone.
+/// a stroke ends where its part ends.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -64,30 +64,6 @@ impl WorldState {
     /// Whether all parts are as the cameras and the budget ask for, and in their style.
     pub fn is_settled(&self) -> bool {
         self.parts > 0 && self.waiting == 0 && self.unstyled == 0
-    }
-}
-
-/// The Gaussians of all [`GaussianWorld`]s together. Set it at any time.
-///
-/// All cameras share it: the Gaussians go where they are largest on any screen. While one level takes the place
-/// of another, both are in memory.
-#[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
-#[reflect(Resource, Clone, Debug, Default, PartialEq)]
-pub struct GaussianBudget {
-    /// The most Gaussians that are shown.
-    pub gaussians: usize,
-    /// The most Gaussians of files that are being read at a time. One file is always read, whatever its size.
-    pub in_flight: usize,
-    /// The most Gaussians that are handed to the GPU in a frame. One part always is, whatever its size.
-    pub per_frame: usize,
-}
-
-impl Default for GaussianBudget {
-    /// 3 million Gaussians: at 56 bytes each without spherical harmonics, 168 MB in main memory, and about as
-    /// much on the GPU for each view. A million in flight, and a quarter of a million in a frame.
-    fn default() -> Self {
-        // A Gaussian takes 14 numbers: mean, rotation, scales, opacity, and one color.
-        Self { gaussians: 3_000_000, in_flight: 1_000_000, per_frame: 250_000 }
     }
 }
 

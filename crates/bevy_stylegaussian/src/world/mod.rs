@@ -7,6 +7,37 @@
 //! its style if there is one, and fades in over it. Ten times a second, the Gaussians go where they are largest
 //! on any screen ([`stylegaussian::cut`]), also where cameras are about to look. What was seen a moment ago
 //! stays for a while.
+//!
+//! # Collision
+//!
+//! A part that is shown is an entity with a [`GaussianSplats`](crate::GaussianSplats) of its own, below that of
+//! the world. So colliders are made as for any scene, in the space of the part's entity, and go with it when
+//! another level takes its place. The coarser a level is, the thicker its boxes are. The example `collision`
+//! takes a world.
+//!
+//! ```
+//! # use bevy::prelude::*;
+//! # use bevy_stylegaussian::{
+//! #     prelude::*, stylegaussian::collision::{CollisionBox, VoxelSettings, Voxels},
+//! # };
+//! #[derive(Component)]
+//! struct Boxes(Vec<CollisionBox>);
+//!
+//! fn make_boxes(
+//!     mut commands: Commands,
+//!     mut ready: MessageReader<GaussianSceneReady>,
+//!     parts: Query<&GaussianSplats>,
+//!     scenes: Res<Assets<GaussianScene>>,
+//! ) -> Result {
+//!     for event in ready.read() {
+//!         let scene = parts.get(event.entity).ok().and_then(|part| scenes.get(&part.0));
+//!         let Some(scene) = scene else { continue };
+//!         let voxels = Voxels::new(scene.scene(), &VoxelSettings { size: 0.2, ..default() })?;
+//!         commands.entity(event.entity).try_insert(Boxes(voxels.boxes()));
+//!     }
+//!     Ok(())
+//! }
+//! ```
 
 // This is the top room. `plan` follows manifests and chooses levels; `stream` reads chunks, cuts runs out of
 // them and swaps them, one child per run (`tree` has the state); `style` gives children what their world has,
@@ -26,6 +57,7 @@ use crate::{
 };
 
 mod asset;
+mod budget;
 mod component;
 mod failure;
 mod looks;
@@ -37,7 +69,8 @@ mod tree;
 mod views;
 
 pub use asset::WorldManifest;
-pub use component::{GaussianBudget, GaussianWorld, GaussianWorldFailed, WorldState};
+pub use budget::GaussianBudget;
+pub use component::{GaussianWorld, GaussianWorldFailed, WorldState};
 
 /// Loads and shows worlds.
 pub(crate) struct WorldPlugin;
@@ -46,13 +79,13 @@ impl Plugin for WorldPlugin {
     fn build(&self, app: &mut App) {
         app.init_asset::<WorldManifest>()
             .init_asset_loader::<FileLoader<WorldManifest>>()
-            .init_resource::<GaussianBudget>()
             .add_message::<GaussianWorldFailed>()
             .register_type::<WorldManifest>()
             .register_type::<GaussianWorld>()
             .register_type::<WorldState>()
             .register_type::<GaussianBudget>()
             .register_type::<GaussianWorldFailed>()
+            .add_systems(PreStartup, budget::insert_usual_budget)
             .add_systems(
                 PostUpdate,
                 (

@@ -9,7 +9,8 @@ use stylegaussian::cut::{CutNode, CutView, cut};
 
 use super::{
     asset::WorldManifest,
-    component::{GaussianBudget, GaussianWorld, WorldState},
+    budget::GaussianBudget,
+    component::{GaussianWorld, WorldState},
     failure::WorldFailures,
     tree::{Run, Tree},
     views::Views,

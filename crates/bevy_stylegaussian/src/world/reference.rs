@@ -54,7 +54,6 @@ pub(super) fn make_references(
             continue;
         }
         match &tree.reference {
-            None if cfg!(target_family = "wasm") => tree.reference = Some(Reference::Absent),
             None => {
                 let Some(parts) = tree.parts(&runs) else { continue };
                 let gathering =

@@ -14,7 +14,8 @@ use stylegaussian_files::{
 };
 
 use super::{
-    component::{GaussianBudget, GaussianWorld, WorldState},
+    budget::GaussianBudget,
+    component::{GaussianWorld, WorldState},
     failure::WorldFailures,
     style::{StyleState, Styling},
     tree::{Chunk, Coming, Fading, Node, Run, Shown, Stage, Tree},

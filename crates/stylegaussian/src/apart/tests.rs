@@ -3,7 +3,11 @@
 use glam::Quat;
 
 use super::*;
-use crate::paint::Painted;
+use crate::{
+    paint::{Canvas, Company, Hand, Painted, Surface, Tints, lay_beside, pin},
+    restyle::{Recipe, Styles},
+    work::Work,
+};
 
 fn scene() -> Scene {
     let n = 400;
@@ -40,7 +44,7 @@ fn answer(apart: &mut Apart, call: &Call) -> Result<Vec<u8>, ApartError> {
 fn what_is_laid_on_apart_is_what_is_laid_on_here() {
     let (scene, paints, work) = (scene(), [paint(4), paint(9)], Work::default());
     let mut apart = Apart::default();
-    answer(&mut apart, &Call::Surface(7, &scene)).unwrap();
+    answer(&mut apart, &Call::Surface(7, &scene, None)).unwrap();
     for (number, paint) in (1..).zip(&paints) {
         answer(&mut apart, &Call::Canvas(number, paint)).unwrap();
     }
@@ -71,7 +75,7 @@ fn what_is_laid_on_apart_is_what_is_laid_on_here() {
         let recipe = Recipe { looks: Vec::new(), styles, content: 0.25 };
         let here = recipe.restyle(&scene, &work).unwrap();
         let paintings = &[(1, 1.0), (2, 0.5)];
-        let laying = Laying { surface: 7, paintings, hand: choices, content: 0.25 };
+        let laying = Laying { surface: 7, beside: None, paintings, hand: choices, content: 0.25 };
         let bytes = answer(&mut apart, &Call::Lay(laying)).unwrap();
         let there = Painted::from_bytes(&bytes).unwrap();
         assert_eq!((&there.colors, &there.strokes), (&here.colors, &here.strokes));
@@ -99,13 +103,56 @@ fn what_is_laid_on_apart_is_what_is_laid_on_here() {
     assert_eq!(error, ApartError::Unknown { what: "surface" });
 }
 
+/// A part of a scene beside all of it, which was painted before, or was not.
+#[test]
+fn what_stands_beside_a_painted_scene_is_painted_apart_as_here() {
+    let (scene, paints, work) = (scene(), [paint(4), paint(9)], Work::default());
+    let part = scene.subset(&Vec::from_iter(0..150));
+    let canvases = paints.each_ref().map(Canvas::new);
+    let paintings: Vec<_> = canvases.iter().zip([1.0, 0.5]).collect();
+    let surface = Surface::new(&scene, &work).unwrap();
+    let styles = Styles::Painted { paintings: paintings.clone(), surface: &surface, hand: Hand::default() };
+    let whole = Recipe { looks: Vec::new(), styles, content: 0.25 }.restyle(&scene, &work).unwrap();
+    let hand = Hand::default();
+    let company = Company::new(&surface, &paintings, &hand, &whole.strokes, &work).unwrap().unwrap();
+    let of_part = Surface::beside(&part, &surface, 1.0, &work).unwrap();
+    let here = lay_beside(&part, &of_part, &paintings, (&hand, 0.25, &company), &work).unwrap();
+    let Hand { is_collection, palette, .. } = hand;
+    let choices = Choices { is_collection, tints: None, palette, direction: None, pins: &[] };
+    let numbers = &[(1, 1.0), (2, 0.5)];
+    let of_whole = Laying { surface: 7, beside: None, paintings: numbers, hand: choices, content: 0.25 };
+    let beside = Laying { surface: 8, beside: Some(7), ..of_whole };
+    for before in [Some(0.25), Some(0.5), None] {
+        let mut apart = Apart::default();
+        let error = answer(&mut apart, &Call::Surface(8, &part, Some(7))).unwrap_err();
+        assert_eq!(error, ApartError::Unknown { what: "surface" });
+        answer(&mut apart, &Call::Surface(7, &scene, None)).unwrap();
+        answer(&mut apart, &Call::Surface(8, &part, Some(7))).unwrap();
+        for (number, paint) in (1..).zip(&paints) {
+            answer(&mut apart, &Call::Canvas(number, paint)).unwrap();
+        }
+        if let Some(content) = before {
+            answer(&mut apart, &Call::Lay(Laying { content, ..of_whole })).unwrap();
+        }
+        // The second one finds the facts of the first.
+        for _ in 0..2 {
+            let there = answer(&mut apart, &Call::Lay(beside)).unwrap();
+            let there = Painted::from_bytes(&there).unwrap();
+            assert_eq!((&there.colors, &there.strokes), (&here.colors, &here.strokes), "{before:?}");
+        }
+        answer(&mut apart, &Call::ForgetSurface(7)).unwrap();
+        let error = answer(&mut apart, &Call::Lay(beside)).unwrap_err();
+        assert_eq!(error, ApartError::Unknown { what: "surface" });
+    }
+}
+
 #[test]
 fn parts_of_calls_and_numbers_of_nothing_are_refused() {
     let mut scene = scene();
     let mut apart = Apart::default();
     let work = Work::default();
     let paint = paint(4);
-    for call in [Call::Surface(0, &scene), Call::Canvas(0, &paint)] {
+    for call in [Call::Surface(0, &scene, None), Call::Canvas(0, &paint)] {
         let bytes = call.pieces().concat();
         // Every beginning would take long.
         for end in (0..bytes.len().min(200)).chain([bytes.len() / 2, bytes.len() - 1]) {
@@ -122,7 +169,7 @@ fn parts_of_calls_and_numbers_of_nothing_are_refused() {
     assert_eq!(apart.answer(&[9; 8], &work), Err(ApartError::Unknown { what: "call" }));
     let neighbors = Neighbors { k: 8, indices: vec![400; 8 * 400] };
     scene.neighbors = Some(neighbors);
-    let error = answer(&mut apart, &Call::Surface(0, &scene)).unwrap_err();
+    let error = answer(&mut apart, &Call::Surface(0, &scene, None)).unwrap_err();
     assert_eq!(error, ApartError::Unknown { what: "neighbor" });
     assert!(apart.surfaces.is_empty() && apart.canvases.is_empty());
 }

@@ -1,4 +1,4 @@
-//! `stylegaussian info`: describes a scene file, a style, a look, a mask or a decoder.
+//! `stylegaussian info`: describes a scene file, a world, a style, a look, a mask or a decoder.
 
 use std::{
     fmt::Write as _,
@@ -13,23 +13,28 @@ use stylegaussian::{
     Decoder, EncoderId, Features, Scene, SceneFingerprint, scene::ScreenFilter,
     views::bounds_without_backdrop,
 };
-use stylegaussian_files::Loaded;
+use stylegaussian_files::{
+    Loaded, ReadOptions,
+    world::{World, manifest_at},
+};
 use stylegaussian_gpu::{colors::GaussianColors, splat::GpuScene, style::StyleScene};
 
 use crate::{
     arguments::{is_decoder, is_look, is_mask, is_style},
     choose,
     scenes::ReadArgs,
-    terminal::{lossy, print},
+    terminal::{lossy, print, warn},
 };
 
 mod decoder;
 mod look;
 mod mask;
 mod style;
+mod world;
 
 /// Describe a scene (format, axes, counts, SH degree, bounds, features, encoder, decoder, and memory needed at
-/// run time), a style, a look, a mask or a decoder.
+/// run time), a world (levels of detail, parts, chunks, bounds; with --budget or --axes the scene that it is
+/// read as), a style, a look, a mask or a decoder.
 #[derive(Args, Debug)]
 pub struct InfoArgs {
     /// A scene in any format (`stylegaussian --help` lists them), or one of *.style.safetensors,
@@ -130,6 +135,13 @@ pub fn run(arguments: &InfoArgs) -> Result<()> {
     }
     if is_decoder(path) {
         return decoder::run(path, *json);
+    }
+    if let Some(manifest) = manifest_at(path).filter(|_| reading.options() == ReadOptions::default()) {
+        match World::open(&manifest) {
+            Ok(found) => return world::run(&manifest, &found, *json),
+            // As one scene, some can be read all the same.
+            Err(error) => warn([format!("it is no world that can be streamed: {error}")]),
+        }
     }
     let loaded = reading.read(path)?;
     let info = describe(path, &loaded);

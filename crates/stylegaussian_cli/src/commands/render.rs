@@ -12,7 +12,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 use stylegaussian::{Camera, Scene, splat::Colors, strokes::StrokeKnobs, views::orbit};
 use stylegaussian_train::{
-    cameras::{CameraOptions, CamerasError, read_cameras_with},
+    cameras::{CameraOptions, CameraSet, CamerasError, read_cameras_with},
     picture::{Background, Picture},
 };
 
@@ -29,6 +29,10 @@ use crate::{
     terminal::{Interrupt, bar, lossy, print, warn},
     video::{Film, Format},
 };
+
+mod levels;
+
+use levels::LevelArgs;
 
 /// Views of `--orbit` if neither cameras nor a number is given.
 const DEFAULT_ORBIT: u32 = 8;
@@ -47,6 +51,8 @@ pub struct RenderArgs {
     scene: PathBuf,
     #[command(flatten)]
     reading: ReadArgs,
+    #[command(flatten)]
+    levels: LevelArgs,
     #[command(flatten)]
     stylization: StylizationArgs,
     #[command(flatten)]
@@ -131,7 +137,7 @@ pub fn run(arguments: &RenderArgs, interrupt: &Interrupt) -> Result<()> {
     } else {
         expect_folder(output)?
     };
-    let mut scene = arguments.reading.read(path)?.scene;
+    let mut scene = arguments.levels.read(path, arguments.reading, || arguments.seeing())?;
     let mask = masking.open(&scene, path)?;
     arguments.framing.tell(&mut scene);
     let cameras = arguments.cameras(&scene)?;
@@ -210,6 +216,19 @@ impl RenderArgs {
         Ok(vec![RenderedPicture { path: path.into(), size: size.to_array() }])
     }
 
+    /// The cameras of the file at the size of the pictures, before a scene is read. A world has no offset.
+    fn seeing(&self) -> Result<Vec<Camera>> {
+        let Some(path) = &self.cameras else { return Ok(Vec::new()) };
+        let options = CameraOptions { size: self.size, ..CameraOptions::default() };
+        let cameras = set_of_file(path, options)?.cameras.into_iter().map(|posed| posed.camera);
+        Ok(cameras.map(|camera| self.resized(camera)).collect())
+    }
+
+    /// A camera at the size that is asked for.
+    fn resized(&self, camera: Camera) -> Camera {
+        self.size.map_or(camera.clone(), |size| camera.resized(size))
+    }
+
     /// The camera of each picture, at its size, and the time in seconds.
     fn cameras(&self, scene: &Scene) -> Result<Vec<(Camera, f64)>> {
         let cameras = match &self.cameras {
@@ -240,8 +259,7 @@ impl RenderArgs {
             self.output().display()
         );
         // An orbit's cameras have this size already, and stay as they are.
-        let resize = |camera: Camera| self.size.map_or(camera.clone(), |size| camera.resized(size));
-        Ok(cameras.into_iter().map(|(camera, seconds)| (resize(camera), seconds)).collect())
+        Ok(cameras.into_iter().map(|(camera, seconds)| (self.resized(camera), seconds)).collect())
     }
 }
 
@@ -294,12 +312,17 @@ impl<'a, 'b> Pictures<'a, 'b> {
     }
 }
 
-/// Cameras of a file, checked for the size of their pictures, which is that of the options if they have one.
-fn cameras_of_file(path: &Path, options: CameraOptions) -> Result<Vec<Camera>> {
-    let set = read_cameras_with(path, options).map_err(|error| match error {
+/// What a file of cameras says.
+fn set_of_file(path: &Path, options: CameraOptions) -> Result<CameraSet> {
+    read_cameras_with(path, options).map_err(|error| match error {
         CamerasError::PhotoSize { .. } => anyhow!("{error}; --size gives it"),
         error => error.into(),
-    })?;
+    })
+}
+
+/// Cameras of a file, checked for the size of their pictures, which is that of the options if they have one.
+fn cameras_of_file(path: &Path, options: CameraOptions) -> Result<Vec<Camera>> {
+    let set = set_of_file(path, options)?;
     warn(&set.warnings);
     for posed in &set.cameras {
         let size = options.size.unwrap_or(posed.camera.size);

@@ -121,3 +121,34 @@ fn looks_are_named_by_their_chunks() {
     assert_eq!(look_of("a.b/c.sog"), "a.b/c.look.safetensors");
     assert_eq!(look_of("meta.json"), "meta.look.safetensors");
 }
+
+#[test]
+fn a_world_of_one_level_for_each_node_is_one() {
+    let world = world();
+    let coarse = world.only(&[Some(1); 3]);
+    assert_eq!((coarse.nodes.len(), coarse.count(0), coarse.count(1)), (2, 0, 50));
+    let mixed = world.only(&[Some(0), None, Some(1)]);
+    assert_eq!(mixed.nodes.iter().map(|node| node.bounds[0].x).collect::<Vec<_>>(), [0.0, 2.5]);
+    assert_eq!((mixed.count(0), mixed.count(1), &mixed.files), (100, 25, &world.files));
+    assert_eq!(World::read(&mixed.write()).unwrap(), mixed);
+    // Levels that are not there are none.
+    assert!(world.only(&[Some(2), Some(usize::MAX)]).nodes.is_empty());
+    assert_eq!(world.bounds(), Some([Vec3::new(0.0, -1.5, 0.1), Vec3::new(3.5, 2.0, 1e-3 + 0.1)]));
+}
+
+#[test]
+fn a_manifest_is_found_by_its_folder_and_by_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    assert_eq!(manifest_at(folder.path()), None);
+    let file = folder.path().join(FILE);
+    assert_eq!(manifest_at(&file), None);
+    std::fs::write(&file, world().write()).unwrap();
+    assert_eq!(manifest_at(folder.path()), Some(file.clone()));
+    assert_eq!(manifest_at(&file), Some(file.clone()));
+    assert_eq!(World::open(&file).unwrap(), world());
+    let other = folder.path().join("meta.json");
+    std::fs::copy(&file, &other).unwrap();
+    assert_eq!(manifest_at(&other), None);
+    std::fs::write(&file, b"{}").unwrap();
+    assert!(World::open(&file).unwrap_err().to_string().contains(FILE));
+}

@@ -33,6 +33,8 @@ pub(crate) struct Painting {
 /// A scene that is prepared to be painted.
 pub(crate) struct Ground {
     scene: Arc<Scene>,
+    /// The painted scene that it stands beside.
+    beside: Option<Arc<Ground>>,
     /// Its surface, if it is used on the page's thread.
     surface: OnceLock<Surface>,
     there: There,
@@ -76,8 +78,24 @@ impl Ground {
 
     /// Its number in the worker, which prepares it if it has not done so.
     pub(crate) async fn number(&self) -> Result<u32, Fail> {
-        let call = Call::Surface(self.there.number, &self.scene);
-        self.there.hold(call, None).await
+        self.hold(None).await
+    }
+
+    /// As [`number`](Self::number). `work` can cancel it if nobody else waits for it.
+    async fn hold(&self, work: Option<&Work>) -> Result<u32, Fail> {
+        let beside = match &self.beside {
+            Some(beside) => Some(Box::pin(beside.number()).await?),
+            None => None,
+        };
+        self.there.hold(Call::Surface(self.there.number, &self.scene, beside), work).await
+    }
+
+    /// Its surface, computed on the page's thread.
+    fn found(&self, work: &Work) -> Result<Surface, Canceled> {
+        match &self.beside {
+            Some(painted) => Surface::beside(&self.scene, painted, 1.0, work),
+            None => Surface::new(&self.scene, work),
+        }
     }
 }
 
@@ -85,8 +103,8 @@ impl Deref for Ground {
     type Target = Surface;
 
     fn deref(&self) -> &Surface {
-        let surface = || Surface::new(&self.scene, &Work::default());
-        self.surface.get_or_init(|| surface().expect("nobody else has the work, so nobody cancels it"))
+        let found = || self.found(&Work::default());
+        self.surface.get_or_init(|| found().expect("nobody else has the work, so nobody cancels it"))
     }
 }
 
@@ -127,19 +145,22 @@ impl Drop for There {
     }
 }
 
-/// Begins to prepare a scene. In a browser, none stands beside another.
-pub(crate) fn ground(scene: &Arc<Scene>, _: Option<&Arc<Ground>>, workers: &Workers) -> Running<Arc<Ground>> {
-    let there = There::new(Call::ForgetSurface);
-    let ground = Ground { scene: Arc::clone(scene), surface: OnceLock::new(), there };
+/// Begins to prepare a scene, which may stand beside one that is painted.
+pub(crate) fn ground(
+    scene: &Arc<Scene>,
+    beside: Option<&Arc<Ground>>,
+    workers: &Workers,
+) -> Running<Arc<Ground>> {
+    let (there, beside) = (There::new(Call::ForgetSurface), beside.cloned());
+    let ground = Ground { scene: Arc::clone(scene), beside, surface: OnceLock::new(), there };
     workers.start_async(Some(Lane::Styles), async move |work: Work| {
         loop {
-            let call = Call::Surface(ground.there.number, &ground.scene);
-            match ground.there.hold(call, Some(&work)).await {
+            match ground.hold(Some(&work)).await {
                 Ok(_) => return Ok(Arc::new(ground)),
                 Err(Fail::Replaced) => {}
                 Err(Fail::Canceled) => return Err(Canceled),
                 Err(Fail::Absent) => {
-                    let surface = Surface::new(&ground.scene, &work)?.into();
+                    let surface = ground.found(&work)?.into();
                     return Ok(Arc::new(Ground { surface, ..ground }));
                 }
                 Err(Fail::Said(reason)) => {

@@ -9,7 +9,7 @@ use stylegaussian::{
     work::Work,
 };
 
-use super::{Decided, Failure, GivenTints, StyleRequest, StyleResult, Styles, WeightedLook, made};
+use super::{Decided, Failure, GivenTints, Same, StyleRequest, StyleResult, Styles, WeightedLook, made};
 use crate::{
     style::{
         make::worker::{Ground, Painting},
@@ -22,6 +22,8 @@ use crate::{
 struct Wanted<'a> {
     paintings: &'a [(Arc<Painting>, f64)],
     ground: &'a Ground,
+    /// The painted scene that it stands beside.
+    beside: Option<&'a Ground>,
     decided: &'a Decided,
     /// The painting in whose colors it is.
     tints: Option<Arc<Painting>>,
@@ -49,7 +51,12 @@ impl StyleRequest {
         if surface.0.is_here() || all.any(|painting| painting.is_here()) {
             return Ok(None);
         }
-        let wanted = Wanted { paintings: &paintings, ground: &surface.0, decided, tints, work };
+        let beside = self.beside.as_ref().filter(|_| self.looks.is_empty());
+        let beside = beside.map(|Same(beside)| &*beside.surface);
+        if beside.is_some_and(Ground::is_here) {
+            return Ok(None);
+        }
+        let wanted = Wanted { paintings: &paintings, ground: &surface.0, beside, decided, tints, work };
         loop {
             match self.laid(like, &wanted).await {
                 Ok(result) => return Ok(Some(result?)),
@@ -69,6 +76,10 @@ impl StyleRequest {
         wanted: &Wanted<'_>,
     ) -> Result<Result<StyleResult, Failure>, Fail> {
         let surface = wanted.ground.number().await?;
+        let beside = match wanted.beside {
+            Some(beside) => Some(beside.number().await?),
+            None => None,
+        };
         let mut numbers = Vec::new();
         for (painting, weight) in wanted.paintings {
             numbers.push((painting.number().await?, *weight));
@@ -80,7 +91,7 @@ impl StyleRequest {
         };
         let Decided { is_collection, palette, ref pins, .. } = *wanted.decided;
         let hand = Choices { is_collection, tints, palette, direction: wanted.decided.direction(), pins };
-        let pinned = Laying { surface, paintings: &numbers, hand, content: self.content };
+        let pinned = Laying { surface, beside, paintings: &numbers, hand, content: self.content };
         let known = like.and_then(|like| match &like.style.colors {
             AppliedColors::Known { colors, .. } => Some((Arc::clone(colors), like.unpinned.clone())),
             AppliedColors::Decoded { .. } => None,
