@@ -129,7 +129,7 @@ pub(crate) fn compute_pipeline(
 }
 
 /// A pass of kernels, without a measurement of its time.
-pub(crate) fn compute_pass(encoder: &mut wgpu::CommandEncoder, label: &'static str) -> wgpu::ComputePass<'_> {
+pub(crate) fn compute_pass<'a>(encoder: &'a mut wgpu::CommandEncoder, label: &str) -> wgpu::ComputePass<'a> {
     encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes: None })
 }
 
