@@ -28,8 +28,8 @@ use bytes::{Reader, own, piece};
 
 /// A request.
 pub enum Call<'a> {
-    /// A scene's surface, under a number. The scene may stand beside the one of another surface, which is given
-    /// by its number.
+    /// A scene's surface, under a number. The scene may be a [part](crate::paint::Surface::part_of) of the one
+    /// of another surface, which is given by its number.
     Surface(u32, &'a Scene, Option<u32>),
     /// A painting's canvas, under a number.
     Canvas(u32, &'a Paint),
@@ -49,9 +49,9 @@ pub enum Call<'a> {
 pub struct Laying<'a> {
     /// The number of the surface.
     pub surface: u32,
-    /// The number of the surface that this one stands beside: paint is as it is there, in the same style. What
+    /// The number of the surface that this one is a part of: paint is as it is there, in the same style. What
     /// was laid on there before in another style is laid on anew.
-    pub beside: Option<u32>,
+    pub whole: Option<u32>,
     /// Numbers and weights of the canvases.
     pub paintings: &'a [(u32, f64)],
     /// Choices beside them.
@@ -128,8 +128,8 @@ impl<'a> Call<'a> {
     /// The call as bytes.
     pub fn pieces(&self) -> Pieces<'a> {
         match *self {
-            Self::Surface(number, scene, beside) => {
-                let mut pieces = vec![own(&[SURFACE, number]), own(&optional(beside))];
+            Self::Surface(number, scene, whole) => {
+                let mut pieces = vec![own(&[SURFACE, number]), own(&optional(whole))];
                 pieces.extend(pieces_of(scene));
                 pieces
             }
@@ -170,7 +170,7 @@ impl<'a> Laying<'a> {
         };
         vec![
             own(&[kind, self.surface]),
-            own(&optional(self.beside)),
+            own(&optional(self.whole)),
             own(&[u32::from(is_collection), direction]),
             own(&[points.len() as u32]),
             own(&points),

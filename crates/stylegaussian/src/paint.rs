@@ -25,7 +25,8 @@
 //! `collection` (which of several paintings a seed takes), `places` (where in it), `choice` (both), `direction`
 //! (of strokes, if one is given), `pins` (places that are given), `proofs` and `bands` (how much detail
 //! pictures show), `balance` (the gains), `tone` (dark and bright), `grade` (the colors under strokes), `lay`
-//! (all of it), `company` (scenes that stand beside a painted one), `redraw` (pictures that change).
+//! (all of it), `company` (scenes that stand beside a painted one or are parts of it), `redraw` (pictures that
+//! change).
 
 mod balance;
 mod bands;

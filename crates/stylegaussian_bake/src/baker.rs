@@ -116,7 +116,7 @@ impl Baker {
 
     /// As [`new`](Self::new), for a part of a larger scene, such as a chunk of a world and what is around it.
     /// `whole` is the larger scene, in few Gaussians: it is painted first, and the part begins in its colors,
-    /// its size of strokes and its contrast, so that parts that are baked apart fit together.
+    /// its strokes and its contrast, so that parts that are baked apart fit together.
     ///
     /// # Errors
     /// As [`new`](Self::new), of both scenes.

@@ -36,7 +36,7 @@ pub(crate) struct Start {
     pub protected: Vec<f32>,
 }
 
-/// A painted scene that others are parts of: they get its colors, its size of strokes and its contrast.
+/// A painted scene that others are parts of: they get its colors, its contrast and its strokes.
 pub(crate) struct Whole {
     /// Moments of the captured colors, as views show them.
     pub colors: ColorMoments,
@@ -112,8 +112,7 @@ fn painted(
     let (canvases, hand) = (canvases(paintings), Hand::default());
     let canvases: Vec<(&Canvas, f64)> = canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
     if let Some(Whole { surface, company: Some(company), .. }) = whole {
-        // Both have one unit.
-        let surface = Surface::beside(scene, surface, 1.0, work)?;
+        let surface = Surface::part_of(scene, surface, work)?;
         return lay_beside(scene, &surface, &canvases, (&hand, 0.0, company), work);
     }
     lay(scene, &surface(scene, cameras, work)?, &canvases, &hand, 0.0, work)

@@ -361,7 +361,10 @@ fn looks_that_cannot_be_had_are_told_and_hold_nothing_up() {
 
 #[cfg(feature = "images")]
 mod styled {
-    use bevy::platform::collections::HashSet;
+    use std::sync::Arc;
+
+    use bevy::platform::collections::{HashMap, HashSet};
+    use stylegaussian::strokes::{StrokeWord, Strokes};
 
     use super::*;
     use crate::{HiddenUntilStyled, tests::paint::noise};
@@ -399,5 +402,34 @@ mod styled {
             let runs = children(app, world);
             runs.iter().all(|(run, ..)| app.get::<AppliedStyle>(*run).is_none())
         });
+    }
+
+    #[test]
+    fn a_finer_level_keeps_the_strokes_of_the_coarser_one() {
+        let mut game = Game::new(|_| {});
+        let painting = add(&mut game.app, noise(1, [200, 40, 30], [20, 40, 180]));
+        let style = (StyleSource::image(painting), HiddenUntilStyled);
+        game.app.world_mut().entity_mut(game.world).insert(style);
+        let world = game.world;
+        // The strokes of the first cell, by its Gaussians.
+        let mut levels: HashMap<usize, Arc<Strokes>> = HashMap::default();
+        let [finest, _, coarsest] = COUNTS;
+        update_until(&mut game.app, "both levels", |app| {
+            for (run, cell, n) in children(app, world) {
+                let strokes = app.get::<AppliedStyle>(run).and_then(AppliedStyle::strokes);
+                if let Some(strokes) = strokes.filter(|_| cell == 0) {
+                    levels.insert(n, Arc::clone(strokes));
+                }
+            }
+            levels.contains_key(&finest) && levels.contains_key(&coarsest)
+        });
+        let (fine, coarse) = (&levels[&finest], &levels[&coarsest]);
+        // Neither has a Gaussian of the other, so seeds of its own would be elsewhere.
+        let has_both = |word: &&u32| {
+            let seed = fine.seeds[StrokeWord::unpacked(**word).seed as usize];
+            coarse.seeds.contains(&seed)
+        };
+        let n = fine.words.iter().filter(has_both).count();
+        assert!(10 * n > 8 * finest, "{n} of {finest} Gaussians");
     }
 }

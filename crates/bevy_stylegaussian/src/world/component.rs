@@ -20,9 +20,10 @@ use super::{asset::WorldManifest, tree::Tree};
 /// Pins and masks are of single scenes, and do not fit a world. Looks do if each chunk has its own
 /// ([`StyleSource::chunk_looks`](crate::StyleSource::chunk_looks)).
 ///
-/// All parts are painted to look like one scene, which some Gaussians of the coarsest levels are painted as
-/// first: in one palette, in strokes of one size and contrast. Each part searches for its strokes by itself, so
-/// a stroke ends where its part ends.
+/// Some Gaussians of the coarsest levels are painted first, as one scene, and all parts are painted like it: in
+/// one palette, in strokes of one size and contrast. Its strokes are those of all levels. So they stay where
+/// they are while levels change, and go on over the borders of parts. What a finer level has farther than a
+/// stroke away from all of that scene gets strokes of its own, at each level and in each part.
 ///
 /// ```
 /// # use bevy::prelude::*;

@@ -1,8 +1,9 @@
-//! The scene in whose manner all of a world is painted: some of the Gaussians of its coarsest levels.
+//! The scene as a part of which all of a world is painted: some of the Gaussians of its coarsest levels.
 //!
 //! A part of a world that was painted alone would get the painting's colors by its own colors alone, and its
-//! neighbor by others, so parts would not fit together. Beside one painted scene of the whole, all of them have
-//! one palette, one stroke size and one contrast.
+//! neighbor by others, so parts would not fit together. As parts of one painted scene, all of them have one
+//! palette and one contrast, and the strokes of that scene: all levels of a part the same ones, which go on
+//! over its borders. It is small, and whatever comes in whatever order is painted alike.
 
 use std::sync::Arc;
 
@@ -32,7 +33,7 @@ pub(super) enum Reference {
 /// The scene in a style.
 pub(super) struct Painted {
     pub(super) style: Arc<SharedStyle>,
-    /// Facts for scenes beside it, or `None` if it is not painted.
+    /// Facts for its parts, or `None` if it is not painted.
     pub(super) beside: Option<Arc<Beside>>,
 }
 

@@ -125,7 +125,7 @@ pub(super) fn style_runs(
 }
 
 impl Tree {
-    /// The painted scene that runs of this style stand beside, `Some(None)` if there is none, or `None` while
+    /// The painted scene that runs of this style are parts of, `Some(None)` if there is none, or `None` while
     /// it is on its way.
     fn beside(
         &mut self,

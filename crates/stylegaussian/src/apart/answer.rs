@@ -31,13 +31,13 @@ pub(super) struct Ground {
     last: Option<Last>,
 }
 
-/// The paint that was laid on a scene last, for those that stand beside it.
+/// The paint that was laid on a scene last, for its parts.
 struct Last {
     /// The call, behind its surfaces.
     asked: Vec<u8>,
     /// Seeds and textures.
     strokes: Strokes,
-    /// Facts for those beside it, once one of them has asked. `None` in it if there are none.
+    /// Facts for its parts, once one of them has asked. `None` in it if there are none.
     company: Option<Option<Company>>,
 }
 
@@ -51,10 +51,10 @@ impl Apart {
         let [kind, number] = reader.some()?;
         match kind {
             SURFACE => {
-                let beside = read_optional(&mut reader)?;
+                let whole = read_optional(&mut reader)?;
                 let scene = scene(reader)?;
-                let surface = match beside {
-                    Some(painted) => Surface::beside(&scene, &self.ground(painted)?.surface, 1.0, work)?,
+                let surface = match whole {
+                    Some(whole) => Surface::part_of(&scene, &self.ground(whole)?.surface, work)?,
                     None => Surface::new(&scene, work)?,
                 };
                 self.surfaces.insert(number, Ground { scene, surface, last: None });
@@ -76,33 +76,33 @@ impl Apart {
     }
 
     fn lay(&mut self, surface: u32, mut reader: Reader, work: &Work) -> Result<Vec<u8>, ApartError> {
-        let beside = read_optional(&mut reader)?;
+        let whole = read_optional(&mut reader)?;
         let asked = reader.0;
         let laid = Laid::read(&mut reader)?;
         reader.end()?;
-        if let Some(other) = beside {
-            self.meet(other, asked, &laid, work)?;
+        if let Some(whole) = whole {
+            self.meet(whole, asked, &laid, work)?;
         }
-        let painted = self.painted(surface, &laid, beside, work)?;
+        let painted = self.painted(surface, &laid, whole, work)?;
         let bytes = painted.to_bytes();
         self.note(surface, asked, painted);
         Ok(bytes)
     }
 
-    /// Lays paint on a scene, which may stand beside another one that was [met](Self::meet).
+    /// Lays paint on a scene, which may be a part of another one that was [met](Self::meet).
     fn painted(
         &self,
         surface: u32,
         laid: &Laid,
-        beside: Option<u32>,
+        whole: Option<u32>,
         work: &Work,
     ) -> Result<Painted, ApartError> {
         let Ground { scene, surface, .. } = self.ground(surface)?;
         let tints = laid.tints(self)?;
         let hand = Hand { tints: tints.as_ref(), ..laid.hand() };
         let paintings = laid.paintings(self)?;
-        let other = beside.map(|other| self.ground(other)).transpose()?;
-        let company = other.and_then(|other| other.last.as_ref()?.company.as_ref()?.as_ref());
+        let whole = whole.map(|whole| self.ground(whole)).transpose()?;
+        let company = whole.and_then(|whole| whole.last.as_ref()?.company.as_ref()?.as_ref());
         if let Some(company) = company {
             return Ok(lay_beside(scene, surface, &paintings, (&hand, laid.content, company), work)?);
         }
@@ -111,7 +111,7 @@ impl Apart {
         Ok(recipe.restyle(scene, work)?)
     }
 
-    /// Sees that a scene has this paint, and what those beside it need to know of that.
+    /// Sees that a scene has this paint, and what its parts need to know of that.
     fn meet(&mut self, number: u32, asked: &[u8], laid: &Laid, work: &Work) -> Result<(), ApartError> {
         let is_asked = |last: &Last| last.asked == asked;
         if !self.ground(number)?.last.as_ref().is_some_and(is_asked) {

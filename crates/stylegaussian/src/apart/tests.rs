@@ -75,7 +75,7 @@ fn what_is_laid_on_apart_is_what_is_laid_on_here() {
         let recipe = Recipe { looks: Vec::new(), styles, content: 0.25 };
         let here = recipe.restyle(&scene, &work).unwrap();
         let paintings = &[(1, 1.0), (2, 0.5)];
-        let laying = Laying { surface: 7, beside: None, paintings, hand: choices, content: 0.25 };
+        let laying = Laying { surface: 7, whole: None, paintings, hand: choices, content: 0.25 };
         let bytes = answer(&mut apart, &Call::Lay(laying)).unwrap();
         let there = Painted::from_bytes(&bytes).unwrap();
         assert_eq!((&there.colors, &there.strokes), (&here.colors, &here.strokes));
@@ -103,9 +103,9 @@ fn what_is_laid_on_apart_is_what_is_laid_on_here() {
     assert_eq!(error, ApartError::Unknown { what: "surface" });
 }
 
-/// A part of a scene beside all of it, which was painted before, or was not.
+/// The whole was painted before, or was not.
 #[test]
-fn what_stands_beside_a_painted_scene_is_painted_apart_as_here() {
+fn a_part_of_a_painted_scene_is_painted_apart_as_here() {
     let (scene, paints, work) = (scene(), [paint(4), paint(9)], Work::default());
     let part = scene.subset(&Vec::from_iter(0..150));
     let canvases = paints.each_ref().map(Canvas::new);
@@ -115,13 +115,13 @@ fn what_stands_beside_a_painted_scene_is_painted_apart_as_here() {
     let whole = Recipe { looks: Vec::new(), styles, content: 0.25 }.restyle(&scene, &work).unwrap();
     let hand = Hand::default();
     let company = Company::new(&surface, &paintings, &hand, &whole.strokes, &work).unwrap().unwrap();
-    let of_part = Surface::beside(&part, &surface, 1.0, &work).unwrap();
+    let of_part = Surface::part_of(&part, &surface, &work).unwrap();
     let here = lay_beside(&part, &of_part, &paintings, (&hand, 0.25, &company), &work).unwrap();
     let Hand { is_collection, palette, .. } = hand;
     let choices = Choices { is_collection, tints: None, palette, direction: None, pins: &[] };
     let numbers = &[(1, 1.0), (2, 0.5)];
-    let of_whole = Laying { surface: 7, beside: None, paintings: numbers, hand: choices, content: 0.25 };
-    let beside = Laying { surface: 8, beside: Some(7), ..of_whole };
+    let of_whole = Laying { surface: 7, whole: None, paintings: numbers, hand: choices, content: 0.25 };
+    let laying = Laying { surface: 8, whole: Some(7), ..of_whole };
     for before in [Some(0.25), Some(0.5), None] {
         let mut apart = Apart::default();
         let error = answer(&mut apart, &Call::Surface(8, &part, Some(7))).unwrap_err();
@@ -136,12 +136,12 @@ fn what_stands_beside_a_painted_scene_is_painted_apart_as_here() {
         }
         // The second one finds the facts of the first.
         for _ in 0..2 {
-            let there = answer(&mut apart, &Call::Lay(beside)).unwrap();
+            let there = answer(&mut apart, &Call::Lay(laying)).unwrap();
             let there = Painted::from_bytes(&there).unwrap();
             assert_eq!((&there.colors, &there.strokes), (&here.colors, &here.strokes), "{before:?}");
         }
         answer(&mut apart, &Call::ForgetSurface(7)).unwrap();
-        let error = answer(&mut apart, &Call::Lay(beside)).unwrap_err();
+        let error = answer(&mut apart, &Call::Lay(laying)).unwrap_err();
         assert_eq!(error, ApartError::Unknown { what: "surface" });
     }
 }

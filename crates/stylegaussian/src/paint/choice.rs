@@ -10,7 +10,7 @@ use super::{
     collection::choose,
     direction::Direction,
     hand::TO_PALETTE,
-    places::{Hues, Placement, place},
+    places::{Hues, Placed, Placement, place},
     surface::Surface,
     tints::Tints,
 };
@@ -120,8 +120,8 @@ impl<'a> Choice<'a> {
     }
 
     /// The place of each seed, chosen for the colors that its painting has. Strokes follow `direction` if there
-    /// is one.
-    pub fn placements(&self, direction: Option<Direction>) -> Vec<Placement> {
+    /// is one, and seeds that are `placed` stay.
+    pub fn placements(&self, direction: Option<Direction>, placed: &[Placed]) -> Vec<Placement> {
         // In a collection, what is blue in the scene is compared with what is blue in all paintings together.
         let moments = match self.paintings {
             [one] => one.tints.whole.0,
@@ -132,7 +132,7 @@ impl<'a> Choice<'a> {
         };
         let palettes: Vec<&Palette> = self.paintings.iter().map(|canvas| &canvas.tints.palette).collect();
         with_hues(self.surface, &moments, &palettes, |hues| {
-            place(self.surface, self.paintings, &self.labels, hues, direction)
+            place(self.surface, self.paintings, &self.labels, hues, direction, placed)
         })
     }
 

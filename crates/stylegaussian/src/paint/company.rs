@@ -9,6 +9,7 @@ use super::{
     grade::Underpainting,
     hand::Hand,
     lay::{energies, parts, standing_out, usual_energy},
+    places::{Placed, Placement},
     surface::Surface,
     tints::Tints,
 };
@@ -35,6 +36,25 @@ pub(super) struct Manner {
     pub wide: f32,
     /// Pixels of the scene's pictures before its colors are graded.
     pub shown: Vec<glam::Vec3>,
+    /// The number of the painting of each seed `[M]`, and its place there.
+    labels: Vec<u8>,
+    placements: Vec<Placement>,
+}
+
+impl Manner {
+    /// The seeds that the surface of a part of the scene shares, where the scene has them.
+    pub fn placed(&self, part: &Surface) -> Vec<Placed> {
+        let placed = |(seed, number): (u32, &u32)| {
+            let painting = usize::from(*self.labels.get(*number as usize)?);
+            Some(Placed { seed, painting, placement: *self.placements.get(*number as usize)? })
+        };
+        (0..).zip(&part.shared).filter_map(placed).collect()
+    }
+
+    /// M, the number of seeds.
+    pub fn n_seeds(&self) -> usize {
+        self.labels.len()
+    }
 }
 
 impl Company {
@@ -77,6 +97,8 @@ impl Company {
                 shown,
                 tints: choice.tints.into_owned(),
                 shares: choice.shares,
+                labels: choice.labels,
+                placements: choice.placements,
             });
         }
         Ok(Some(Self { manners }))

@@ -19,7 +19,7 @@ use crate::{
     palette::LUMINANCE,
     recolor::Recoloring,
     scene::Scene,
-    strokes::{FINE_SIDE, MAX_TEXTURES, PlainSeed, StrokeSeed, StrokeTexture, StrokeWord, Strokes, mixed},
+    strokes::{FINE_SIDE, MAX_TEXTURES, PlainSeed, StrokeSeed, StrokeTexture, StrokeWord, Strokes, mixed_by},
     work::{Canceled, Work},
 };
 
@@ -86,9 +86,9 @@ pub(super) fn parts<'a>(paintings: &[(&'a Canvas, f64)], hand: &Hand) -> Vec<Par
 /// sum 1. `content` c keeps that share of the base colors, 0..1, and takes it from the strokes.
 ///
 /// In a mix, colors are mixed. Strokes are not, because a mean of two strokes is no stroke: each spot shows one
-/// painting, and weights decide how many spots a painting gets ([`mixed`]). In a collection, each spot shows
-/// the painting that has a place like it, in colors of that painting; paintings of any weight above 0 count
-/// alike.
+/// painting, and weights decide how many spots a painting gets ([`mixed`](crate::strokes::mixed)). In a
+/// collection, each spot shows the painting that has a place like it, in colors of that painting; paintings of
+/// any weight above 0 count alike.
 ///
 /// The result depends neither on the number of threads nor on the run. If there is no painting with a weight
 /// above 0, the colors are the base colors, and there are no strokes.
@@ -111,8 +111,9 @@ pub fn lay(
 }
 
 /// As [`lay`], on a scene that stands beside a painted one, whose `company` has the same paintings, hand and
-/// content: what is alike in both is painted alike. `surface` is made [beside](Surface::beside) the other's.
-/// Pins are of the other scene, and are left out.
+/// content: what is alike in both is painted alike. `surface` is made [beside](Surface::beside) the other's, or
+/// as that of a [part](Surface::part_of): then seeds that both share have the other's places, and new ones may
+/// continue them. Pins are of the other scene, and are left out.
 ///
 /// # Errors
 /// If `work` is canceled.
@@ -156,7 +157,13 @@ fn laid(
         let share = if i == 0 { 1.0 } else { (part.weight / total) as f32 };
         let work = work.part(i as f32 / n, (i + 1) as f32 / n);
         let manner = company.and_then(|company| company.manners.get(i));
-        painted.mix(one(scene, surface, part, (hand, manner), &work)?, share);
+        let above = one(scene, surface, part, (hand, manner), &work)?;
+        let first_seed = painted.strokes.seeds.len() as u32;
+        painted.mix(above, share, |seed| match (manner, surface.shared.get(seed as usize)) {
+            // As in the scene that this one is a part of. It has all seeds for each part of the style, in turn.
+            (Some(manner), Some(number)) => number + (i * manner.n_seeds()) as u32,
+            _ => seed + first_seed,
+        });
     }
     if kept > 0.0 && total > 0.0 {
         painted.keep(&surface.base, kept);
@@ -209,7 +216,7 @@ pub fn recolored(
         let energies = energies(&choice, &under.recoloring);
         let [own_detail, _] = standing_out(&choice, &energies, usual_energy(surface, &energies));
         let colors = under.colors(&choice, &own_detail, &protection, wide, (hand.palette, None));
-        painted.mix(Painted { colors, ..Painted::default() }, share);
+        painted.mix(Painted { colors, ..Painted::default() }, share, |seed| seed);
     }
     if kept > 0.0 && total > 0.0 {
         painted.keep(&surface.base, kept);
@@ -219,8 +226,9 @@ pub fn recolored(
 }
 
 impl Painted {
-    /// Lays a share of another painting over this one.
-    fn mix(&mut self, above: Self, share: f32) {
+    /// Lays a share of another painting over this one. The `number` of each of its seeds decides whether it is
+    /// shown.
+    fn mix(&mut self, above: Self, share: f32, number: impl Fn(u32) -> u32) {
         for (color, above) in self.colors.iter_mut().zip(&above.colors) {
             *color = std::array::from_fn(|c| color[c] + share * (above[c] - color[c]));
         }
@@ -229,8 +237,9 @@ impl Painted {
         let first_texture = self.strokes.textures.len();
         for (word, above) in self.strokes.words.iter_mut().zip(&above.strokes.words) {
             let above = StrokeWord::unpacked(*above);
+            let number = number(above.seed);
             let above = StrokeWord { seed: above.seed + first_seed, ..above };
-            *word = mixed(StrokeWord::unpacked(*word), above, share).packed();
+            *word = mixed_by(number, StrokeWord::unpacked(*word), above, share).packed();
         }
         let with_texture =
             |seed: &StrokeSeed| seed.with_texture((usize::from(seed.plain().texture) + first_texture) as u8);
@@ -283,7 +292,8 @@ fn one(
     work: &Work,
 ) -> Result<Painted, Canceled> {
     let pinned = pinned(surface, &part.paintings, &part.pins, hand.direction);
-    let fixed = pinned.iter().map(|pinned| (pinned.seed, pinned.painting));
+    let shared = manner.map_or_else(Vec::new, |manner| manner.placed(surface));
+    let fixed = shared.iter().chain(&pinned).map(|placed| (placed.seed, placed.painting));
     let mut choice = Choice::new(surface, &part.paintings, hand.tints, fixed);
     if let Some(manner) = manner {
         choice = choice.beside(&manner.tints, &manner.shares);
@@ -291,7 +301,7 @@ fn one(
     let under = Underpainting::new(&choice);
     work.at(0.1)?;
     let (placements, [own_detail, protection]) = rayon::join(
-        || choice.placements(hand.direction),
+        || choice.placements(hand.direction, &shared),
         || {
             let energies = energies(&choice, &under.recoloring);
             let usual = manner.map_or_else(|| usual_energy(surface, &energies), |manner| manner.usual);

@@ -4,7 +4,13 @@ use std::collections::VecDeque;
 
 use glam::{Vec2, Vec3};
 
-use super::{canvas::Canvas, direction::Direction, hand::Hand, places::Placement, surface::Surface};
+use super::{
+    canvas::Canvas,
+    direction::Direction,
+    hand::Hand,
+    places::{Placed, Placement},
+    surface::Surface,
+};
 use crate::{
     look::SceneFingerprint,
     scene::Scene,
@@ -142,13 +148,6 @@ impl StoredPins {
     }
 }
 
-/// A seed whose place a pin decides.
-pub(super) struct Pinned {
-    pub seed: u32,
-    pub painting: usize,
-    placement: Placement,
-}
-
 /// The seeds whose places `pins` decide: of each pin the nearest seed, and those around it that are nearer to
 /// no other pin and that the painting goes on for.
 pub(super) fn pinned(
@@ -156,7 +155,7 @@ pub(super) fn pinned(
     paintings: &[&Canvas],
     pins: &[Pin],
     direction: Option<Direction>,
-) -> Vec<Pinned> {
+) -> Vec<Placed> {
     let seeds = &surface.seeds.seeds;
     let nearest = |pin: &Pin| {
         let apart = |j: &usize| seeds[*j].at.distance_squared(pin.at);
@@ -185,7 +184,7 @@ pub(super) fn pinned(
         is_seen[start] = true;
         let mut queue = VecDeque::from([(start, own)]);
         while let Some((i, placement)) = queue.pop_front() {
-            all.push(Pinned { seed: i as u32, painting: pin.painting, placement });
+            all.push(Placed { seed: i as u32, painting: pin.painting, placement });
             for &j in &surface.seeds.around[i] {
                 let j = j as usize;
                 let goes_on = !std::mem::replace(&mut is_seen[j], true)
@@ -205,8 +204,8 @@ pub(super) fn pinned(
 }
 
 /// Moves seeds `[M]` of one surface to their pinned places.
-pub(super) fn move_seeds(seeds: &mut [StrokeSeed], paintings: &[&Canvas], pinned: &[Pinned]) {
-    for Pinned { seed, painting, placement } in pinned {
+pub(super) fn move_seeds(seeds: &mut [StrokeSeed], paintings: &[&Canvas], pinned: &[Placed]) {
+    for Placed { seed, painting, placement } in pinned {
         let seed = &mut seeds[*seed as usize];
         let Placement { at, right, down } = *placement;
         let canvas = paintings[*painting];

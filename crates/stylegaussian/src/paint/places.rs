@@ -97,6 +97,13 @@ pub(super) struct Placement {
     pub down: Vec3,
 }
 
+/// A seed whose place is given.
+pub(super) struct Placed {
+    pub seed: u32,
+    pub painting: usize,
+    pub placement: Placement,
+}
+
 impl Placement {
     /// Lays `place` on the surface at `seed`: strokes along a given direction, or else along the edges of the
     /// scene, if both are clear, else upright.
@@ -139,29 +146,37 @@ pub(super) struct Hues<'a> {
 }
 
 /// The placement of each seed `[M]` in its painting, whose numbers are `labels` `[M]`. Strokes follow
-/// `direction` if there is one.
+/// `direction` if there is one. Seeds that are `placed` have their place, which their neighbors may continue.
 ///
-/// Each seed in turn, neighbors one after another, takes the cheapest of its best place and those that continue
-/// the places of neighbors in the same painting: a place costs more the less it resembles the seed, the less
-/// strokes it has, the more it is a motif, the more often it was taken, and the more neighbors it breaks with.
+/// Each other seed in turn, neighbors one after another, takes the cheapest of its best place and those that
+/// continue the places of neighbors in the same painting: a place costs more the less it resembles the seed,
+/// the less strokes it has, the more it is a motif, the more often it was taken, and the more neighbors it
+/// breaks with.
 pub(super) fn place(
     surface: &Surface,
     paintings: &[&Canvas],
     labels: &[u8],
     hues: &Hues,
     direction: Option<Direction>,
+    placed: &[Placed],
 ) -> Vec<Placement> {
     let seeds = &surface.seeds.seeds;
+    let mut placements: Vec<Option<Placement>> = vec![None; seeds.len()];
+    for Placed { seed, placement, .. } in placed {
+        placements[*seed as usize] = Some(*placement);
+    }
     let mut searches: Vec<Search> = (0..paintings.len())
         .map(|painting| {
             let own = |j: &u32| usize::from(labels[*j as usize]) == painting;
             let of_painting: Vec<u32> = (0..seeds.len() as u32).filter(own).collect();
-            Search::new(surface, paintings[painting], (painting, of_painting), hues, direction)
+            Search::new(surface, paintings[painting], (painting, of_painting), &placements, hues, direction)
         })
         .collect();
-    let mut placements: Vec<Option<Placement>> = vec![None; seeds.len()];
     for &j in &surface.seeds.order {
         let j = j as usize;
+        if placements[j].is_some() {
+            continue;
+        }
         let search = &mut searches[usize::from(labels[j])];
         let continuing: Vec<Placement> = surface.seeds.around[j]
             .iter()
@@ -179,7 +194,8 @@ pub(super) fn place(
 /// The search for places in one painting.
 struct Search<'a> {
     canvas: &'a Canvas,
-    /// Dissimilarity of each place and each of the painting's seeds `[m, P]`: 1 for a usual best match.
+    /// Dissimilarity of each place and each of the painting's seeds without a place `[m, P]`: 1 for a usual
+    /// best match.
     costs: Vec<f32>,
     /// The row of each seed among them.
     rows: FxHashMap<u32, usize>,
@@ -190,20 +206,27 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// The search for places of a painting of this number for these seeds.
+    /// The search for places of a painting of this number for these seeds, some of which may have their
+    /// `placements` already.
     fn new(
         surface: &Surface,
         canvas: &'a Canvas,
         (painting, seeds): (usize, Vec<u32>),
+        placements: &[Option<Placement>],
         hues: &Hues,
         direction: Option<Direction<'a>>,
     ) -> Self {
         let n_places = canvas.n_places.0 * canvas.n_places.1;
+        let mut blocks = Blocks::new(canvas.n_places, seeds.len());
+        for there in seeds.iter().filter_map(|j| placements[*j as usize]) {
+            blocks.take(canvas.place_at(there.at));
+        }
+        let sought: Vec<u32> = seeds.into_iter().filter(|j| placements[*j as usize].is_none()).collect();
         Self {
-            costs: costs(surface, canvas, (painting, &seeds), hues, direction),
+            costs: costs(surface, canvas, (painting, &sought), hues, direction),
             quality: (0..n_places).map(|place| quality(canvas, place)).collect(),
-            blocks: Blocks::new(canvas.n_places, seeds.len()),
-            rows: seeds.into_iter().zip(0..).collect(),
+            blocks,
+            rows: sought.into_iter().zip(0..).collect(),
             canvas,
             direction,
         }

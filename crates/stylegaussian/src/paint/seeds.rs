@@ -16,6 +16,16 @@ const N_AROUND: usize = 8;
 /// Most seeds: four styles of as many fit into one table.
 const MOST: usize = crate::strokes::MAX_SEEDS / 4;
 
+/// The farthest that a Gaussian of a part may be from the seeds of the whole, in spacings, without new ones
+/// there. Those of the whole are within 1 of a seed. Those of a finer level lie around them: up to 7 pixels
+/// away, which is a quarter, if the whole has a Gaussian in each square of 10 pixels.
+const REACH: f32 = 1.25;
+
+/// Width of the surroundings from which a part shares seeds, in spacings: those within reach, and the ones
+/// around these, so that a border changes no choice. Disks that are packed at random fill 0.55 of a plane,
+/// which makes 0.7 seeds to a squared spacing, and 9 of them have a radius of 2 spacings.
+const SURROUNDINGS: f32 = REACH + 2.0;
+
 /// Rounds in which Gaussians choose among seeds, and the seeds' colors are renewed.
 const ROUNDS: usize = 2;
 
@@ -68,6 +78,15 @@ pub(super) struct Seeds {
     pub order: Vec<u32>,
     /// Mean color of each seed `[M]`.
     pub colors: Vec<Vec3>,
+    /// The least distance of seeds, in scene units.
+    pub spacing: f32,
+}
+
+/// Seeds of a whole scene that a part of it shares.
+#[derive(Default)]
+pub(super) struct Shared {
+    seeds: Vec<Seed>,
+    colors: Vec<Vec3>,
 }
 
 /// The ground that seeds are laid on.
@@ -85,14 +104,17 @@ pub(super) struct Ground<'a> {
 }
 
 impl Seeds {
-    /// Seeds at least `spacing` apart, the most visible places first.
-    pub fn new(ground: &Ground, mut spacing: f32) -> Self {
-        let mut chosen = spread(ground.means, ground.visibility, spacing);
-        while chosen.len() > MOST {
+    /// Seeds at least `spacing` apart, the most visible places first. Those that are `shared` come before all
+    /// others and stay as they are, and others are made where none of these is near.
+    pub fn new(ground: &Ground, shared: &Shared, mut spacing: f32) -> Self {
+        let n_shared = shared.seeds.len();
+        let mut points: Vec<Vec3> = shared.seeds.iter().map(|seed| seed.at).collect();
+        let mut chosen = spread(ground, &points, spacing);
+        while n_shared + chosen.len() > MOST {
             spacing *= 1.5;
-            chosen = spread(ground.means, ground.visibility, spacing);
+            chosen = spread(ground, &points, spacing);
         }
-        let points: Vec<Vec3> = chosen.into_iter().map(|i| ground.means[i as usize]).collect();
+        points.extend(chosen.into_iter().map(|i| ground.means[i as usize]));
         let Some(nearest) = Nearest::new(&points) else {
             return Self {
                 seeds: Vec::new(),
@@ -100,6 +122,7 @@ impl Seeds {
                 owners: Vec::new(),
                 order: Vec::new(),
                 colors: Vec::new(),
+                spacing,
             };
         };
         let around = |i: usize| -> Vec<u32> {
@@ -109,19 +132,36 @@ impl Seeds {
         let around: Vec<Vec<u32>> = (0..points.len()).into_par_iter().map(around).collect();
         let owners: Vec<u32> = ground.means.par_iter().map(|mean| nearest.of(*mean, 1)[0]).collect();
         let order = order(&around);
-        let seeds = oriented(&points, &owners, ground);
-        let mut seeds = Self { seeds, around, owners, order, colors: Vec::new() };
-        seeds.choose_owners(ground, spacing);
-        seeds.flatten(ground.up, spacing);
-        seeds.flow();
+        let mut seeds = oriented(&points, &owners, ground);
+        seeds[..n_shared].copy_from_slice(&shared.seeds);
+        let mut seeds = Self { seeds, around, owners, order, colors: Vec::new(), spacing };
+        seeds.choose_owners(ground, shared);
+        seeds.flatten(ground.up, n_shared);
+        seeds.flow(n_shared);
         seeds
+    }
+
+    /// The numbers of the seeds that a part within this box shares.
+    pub fn near(&self, (min, max): (Vec3, Vec3)) -> Vec<u32> {
+        let around = SURROUNDINGS * self.spacing;
+        let is_near =
+            |(_, seed): &(u32, &Seed)| (seed.at.cmpge(min - around) & seed.at.cmple(max + around)).all();
+        (0..).zip(&self.seeds).filter(is_near).map(|(j, _)| j).collect()
+    }
+
+    /// The seeds of these numbers, for a part.
+    pub fn to_share(&self, numbers: &[u32]) -> Shared {
+        Shared {
+            seeds: numbers.iter().map(|&j| self.seeds[j as usize]).collect(),
+            colors: numbers.iter().map(|&j| self.colors[j as usize]).collect(),
+        }
     }
 
     /// Gaussians belong to the seed that is near in place, color and direction, so that strokes end at edges
     /// and creases. These are superpixels on the surface (Achanta et al., "SLIC superpixels", 2012).
-    fn choose_owners(&mut self, ground: &Ground, spacing: f32) {
-        let contrast = ground.contrast.max(1e-6);
-        self.colors = self.pooled(ground.base, ground.visibility);
+    fn choose_owners(&mut self, ground: &Ground, shared: &Shared) {
+        let (contrast, spacing) = (ground.contrast.max(1e-6), self.spacing);
+        self.renew_colors(ground, shared);
         for _ in 0..ROUNDS {
             let cost = |i: usize, j: u32| {
                 let seed = &self.seeds[j as usize];
@@ -140,13 +180,20 @@ impl Seeds {
                 best.1
             };
             self.owners = (0..ground.means.len()).into_par_iter().map(owner).collect();
-            self.colors = self.pooled(ground.base, ground.visibility);
+            self.renew_colors(ground, shared);
         }
     }
 
+    /// Gives seeds the mean colors of their Gaussians. Those that are shared keep theirs.
+    fn renew_colors(&mut self, ground: &Ground, shared: &Shared) {
+        self.colors = self.pooled(ground.base, ground.visibility);
+        self.colors[..shared.colors.len()].copy_from_slice(&shared.colors);
+    }
+
     /// Gives seeds on flat surfaces the normal of the plane through the seeds around them. Normals of single
-    /// large Gaussians would stretch strokes.
-    fn flatten(&mut self, up: Vec3, spacing: f32) {
+    /// large Gaussians would stretch strokes. The first ones, which are shared, stay.
+    fn flatten(&mut self, up: Vec3, n_shared: usize) {
+        let spacing = self.spacing;
         let normal = |i: usize| {
             let near = |point: &Vec3| point.distance(self.seeds[i].at) < FLAT_WITHIN * spacing;
             let around = self.around[i].iter().map(|&j| self.seeds[j as usize].at);
@@ -163,14 +210,15 @@ impl Seeds {
             (least < FLAT * middle).then_some(normal)
         };
         let normals: Vec<Option<Vec3>> = (0..self.seeds.len()).into_par_iter().map(normal).collect();
-        for (seed, normal) in self.seeds.iter_mut().zip(normals) {
+        for (seed, normal) in self.seeds.iter_mut().zip(normals).skip(n_shared) {
             let Some(normal) = normal else { continue };
             *seed = Seed { at: seed.at, clarity: seed.clarity, ..lying(normal, seed.along, up) };
         }
     }
 
-    /// Diffuses directions from edges into flat areas, so that strokes follow paths and banks.
-    fn flow(&mut self) {
+    /// Diffuses directions from edges into flat areas, so that strokes follow paths and banks. The first seeds,
+    /// which are shared, stay.
+    fn flow(&mut self, n_shared: usize) {
         let tensor = |seed: &Seed| outer(seed.along, seed.along) * seed.clarity * seed.clarity;
         let own: Vec<Mat3> = self.seeds.iter().map(tensor).collect();
         let mut tensors = own.clone();
@@ -185,7 +233,7 @@ impl Seeds {
             };
             tensors = (0..own.len()).map(flowed).collect();
         }
-        for (seed, tensor) in self.seeds.iter_mut().zip(&tensors) {
+        for (seed, tensor) in self.seeds.iter_mut().zip(&tensors).skip(n_shared) {
             let direction = dominant(*tensor);
             let in_plane = direction.reject_from_normalized(seed.normal);
             let trace = tensor.x_axis.x + tensor.y_axis.y + tensor.z_axis.z;
@@ -240,9 +288,16 @@ impl Nearest {
     }
 }
 
-/// Gaussians at least `spacing` apart, chosen by falling visibility.
-fn spread(means: &[Vec3], visibility: &[f32], spacing: f32) -> Vec<u32> {
-    let mut order: Vec<u32> = (0..means.len() as u32).collect();
+/// Gaussians at least `spacing` apart, and out of reach of the seeds that are `there`, chosen by falling
+/// visibility.
+fn spread(ground: &Ground, there: &[Vec3], spacing: f32) -> Vec<u32> {
+    let (means, visibility) = (ground.means, ground.visibility);
+    let there = Nearest::new(there);
+    let is_bare = |i: &u32| {
+        let reach = REACH * spacing;
+        there.as_ref().is_none_or(|there| there.one(means[*i as usize]).1 >= reach * reach)
+    };
+    let mut order: Vec<u32> = (0..means.len() as u32).into_par_iter().filter(is_bare).collect();
     order.par_sort_unstable_by(|&a, &b| {
         visibility[b as usize].total_cmp(&visibility[a as usize]).then(a.cmp(&b))
     });

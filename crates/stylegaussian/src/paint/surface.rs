@@ -7,7 +7,7 @@ use super::{
     frames::Frames,
     patch::{PATCH, STEP, offset_in_patch},
     proofs::Proofs,
-    seeds::{Ground, Nearest, Seed, Seeds},
+    seeds::{Ground, Nearest, Seed, Seeds, Shared},
     sight::{Sight, usual_views},
     smooth::Grid,
 };
@@ -48,6 +48,8 @@ const BESIDE: f32 = 2.5;
 /// The surfaces of a scene: their directions, seeds and colors. Computed once per scene, for every style.
 pub struct Surface {
     pub(super) seeds: Seeds,
+    /// The numbers that its first seeds have in the scene that it is a part of. None if it is no part.
+    pub(super) shared: Vec<u32>,
     /// Size of a pixel of the painting, in scene units.
     pub(super) pixel: f32,
     /// Pixels of usual views that each Gaussian fills `[N]`.
@@ -133,7 +135,22 @@ impl Surface {
     pub fn beside(scene: &Scene, painted: &Self, scale: f32, work: &Work) -> Result<Self, Canceled> {
         Self::in_order(scene, |sorted| {
             let sight = Sight::from_the_front(sorted, painted.pixel * scale, work)?;
-            Self::seen(sorted, sight, Some(painted.moments), work)
+            let spacing = SPACING * sight.pixel;
+            Self::seen(sorted, (sight, spacing), Some((painted, Vec::new())), work)
+        })
+    }
+
+    /// The surfaces of a part of the scene that `whole` is of, at any level of detail, in the same space:
+    /// [beside](Self::beside) the whole, and on its seeds. New ones are made only where none of them is near.
+    /// So levels of a part have the same strokes, and parts that touch have them in common at their border.
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn part_of(scene: &Scene, whole: &Self, work: &Work) -> Result<Self, Canceled> {
+        Self::in_order(scene, |sorted| {
+            let sight = Sight::from_the_front(sorted, whole.pixel, work)?;
+            let shared = sorted.bounds().map_or_else(Vec::new, |bounds| whole.seeds.near(bounds));
+            Self::seen(sorted, (sight, whole.seeds.spacing), Some((whole, shared)), work)
         })
     }
 
@@ -146,12 +163,18 @@ impl Surface {
     fn of(scene: &Scene, cameras: &[Camera], work: &Work) -> Result<Self, Canceled> {
         let sight = Sight::of(scene, cameras, &work.part(0.0, SIGHT))?;
         work.at(SIGHT)?;
-        Self::seen(scene, sight, None, work)
+        let spacing = SPACING * sight.pixel;
+        Self::seen(scene, (sight, spacing), None, work)
     }
 
-    /// The surfaces of a scene in Morton order, as it is seen. Moments are those of its pictures if none are
-    /// given.
-    fn seen(scene: &Scene, sight: Sight, given: Option<ColorMoments>, work: &Work) -> Result<Self, Canceled> {
+    /// The surfaces of a scene in Morton order, as it is seen, with seeds this far apart. Moments are those of
+    /// its pictures, or those of the surface beside it, whose seeds of these numbers it shares.
+    fn seen(
+        scene: &Scene,
+        (sight, spacing): (Sight, f32),
+        beside: Option<(&Self, Vec<u32>)>,
+        work: &Work,
+    ) -> Result<Self, Canceled> {
         let pixel = sight.pixel;
         let found;
         let neighbors = match &scene.neighbors {
@@ -173,7 +196,13 @@ impl Surface {
             || edges(&soft, &shapes, &grid(AROUND_EDGES), &sight.visibility),
         );
         work.at(0.9)?;
-        let moments = given.unwrap_or_else(|| moments(&sight.proofs.pixels(&base), &sight.visibility, &base));
+        let (moments, of_other, shared) = match beside {
+            Some((other, shared)) => (other.moments, other.seeds.to_share(&shared), shared),
+            None => {
+                let moments = moments(&sight.proofs.pixels(&base), &sight.visibility, &base);
+                (moments, Shared::default(), Vec::new())
+            }
+        };
         let ground = Ground {
             means: &scene.means,
             visibility: &sight.visibility,
@@ -183,11 +212,12 @@ impl Surface {
             contrast: moments.deviation_along(LUMINANCE),
             up: sight.up,
         };
-        let seeds = Seeds::new(&ground, SPACING * pixel);
+        let seeds = Seeds::new(&ground, &of_other, spacing);
         work.check()?;
         let patches = patches(&scene.means, &sight.visibility, &seeds.seeds, STEP * pixel);
         Ok(Self {
             seeds,
+            shared,
             pixel,
             base,
             low,

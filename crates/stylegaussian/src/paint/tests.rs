@@ -14,6 +14,7 @@ use crate::{
 };
 
 mod hand;
+mod parts;
 
 /// A wall of `side` x `side` Gaussians in the plane z = 0, half as wide as they are apart, with a slow gradient
 /// of gray.

@@ -37,6 +37,11 @@ pub struct StrokeLayer<'a> {
 /// while the share grows, each through nothing. Half of a scene in either painting shows half of its spots in
 /// either. If only one of the two has strokes, they fade.
 pub fn mixed(below: StrokeWord, above: StrokeWord, share: f32) -> StrokeWord {
+    mixed_by(above.seed, below, above, share)
+}
+
+/// As [`mixed`], where `number` decides when the spot changes.
+pub(crate) fn mixed_by(number: u32, below: StrokeWord, above: StrokeWord, share: f32) -> StrokeWord {
     if above.share <= 0.0 {
         return StrokeWord { share: below.share * (1.0 - share), ..below };
     }
@@ -46,9 +51,9 @@ pub fn mixed(below: StrokeWord, above: StrokeWord, share: f32) -> StrokeWord {
     if below.seed == above.seed {
         return StrokeWord { share: below.share + share * (above.share - below.share), ..above };
     }
-    // Multiples of the golden ratio: seeds that follow one another are far apart in 0..1, and any part of it
+    // Multiples of the golden ratio: numbers that follow one another are far apart in 0..1, and any part of it
     // has its share.
-    let random = (above.seed.wrapping_mul(2_654_435_769) >> 8) as f32 / 16_777_216.0;
+    let random = (number.wrapping_mul(2_654_435_769) >> 8) as f32 / 16_777_216.0;
     let turn = EDGE + (1.0 - 2.0 * EDGE) * random;
     let open = ((share - turn).abs() / EDGE).min(1.0);
     let shown = if share > turn { above } else { below };

@@ -1,4 +1,4 @@
-//! A painted scene, as others know it that are painted to stand beside it.
+//! A painted scene, as others know it that are painted to stand beside it, or to be parts of it.
 
 use std::sync::{Arc, OnceLock};
 
@@ -19,7 +19,8 @@ pub(crate) struct Beside {
     company: OnceLock<Option<Company>>,
 }
 
-/// The painted scene that an entity's own is to look like: a part of the same capture.
+/// The painted scene that an entity's own is a part of, at some level of detail. It gets the colors and strokes
+/// that it has there.
 #[derive(Component, Clone)]
 pub(crate) struct PaintedBeside(pub(crate) Arc<Beside>);
 

@@ -66,8 +66,8 @@ pub(crate) struct Inputs<'w> {
 }
 
 impl Inputs<'_> {
-    /// The request for an entity's style, or `Ok(None)` while an input is missing. If it is painted, it is to
-    /// look like the painted scene `beside` it.
+    /// The request for an entity's style, or `Ok(None)` while an input is missing. If it is painted, it is a
+    /// part of the painted scene `beside` it.
     pub(crate) fn request(
         &mut self,
         source: &StyleSource,

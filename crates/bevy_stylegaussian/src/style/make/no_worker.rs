@@ -10,7 +10,7 @@ use stylegaussian::{Scene, work::Work};
 
 use crate::work::{Lane, Running, Workers};
 
-/// Begins to prepare a scene, which may stand beside one that is painted.
+/// Begins to prepare a scene, which may be a part of one that is painted.
 pub(crate) fn ground(
     scene: &Arc<Scene>,
     beside: Option<&Arc<Ground>>,
@@ -19,7 +19,7 @@ pub(crate) fn ground(
     let (scene, beside) = (Arc::clone(scene), beside.cloned());
     let ground = move |work: &Work| match &beside {
         None => Ground::new(&scene, work),
-        Some(painted) => Ground::beside(&scene, painted, 1.0, work),
+        Some(whole) => Ground::part_of(&scene, whole, work),
     };
     workers.start(Lane::Styles, move |work| Ok(Arc::new(ground(work)?)))
 }

@@ -50,7 +50,7 @@ pub(crate) struct StyleRequest {
     pub(crate) backend: StyleBackend,
     /// The strokes that are shown, if only images of the style have changed. They stay unless colors are given.
     pub(crate) under: Option<Same<Strokes>>,
-    /// The painted scene that this one is to look like, if it is painted and has no looks.
+    /// The painted scene that this one is a part of, if it is painted and has no looks.
     pub(crate) beside: Option<Same<Beside>>,
 }
 

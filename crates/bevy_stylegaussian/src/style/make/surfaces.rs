@@ -32,9 +32,9 @@ pub(crate) struct Wanted {
 }
 
 impl Surfaces {
-    /// The surface of a scene, or `Ok(None)` until it is there. The first call begins; the scene may stand
-    /// beside one that is painted. Whoever waits asks in each frame: a surface that nobody asks for is computed
-    /// no further.
+    /// The surface of a scene, or `Ok(None)` until it is there. The first call begins; the scene may be a part
+    /// of one that is painted. Whoever waits asks in each frame: a surface that nobody asks for is computed no
+    /// further.
     pub(crate) fn get(
         &mut self,
         loaded: &LoadedScene,

@@ -33,7 +33,7 @@ pub(crate) struct Painting {
 /// A scene that is prepared to be painted.
 pub(crate) struct Ground {
     scene: Arc<Scene>,
-    /// The painted scene that it stands beside.
+    /// The painted scene that it is a part of.
     beside: Option<Arc<Ground>>,
     /// Its surface, if it is used on the page's thread.
     surface: OnceLock<Surface>,
@@ -93,7 +93,7 @@ impl Ground {
     /// Its surface, computed on the page's thread.
     fn found(&self, work: &Work) -> Result<Surface, Canceled> {
         match &self.beside {
-            Some(painted) => Surface::beside(&self.scene, painted, 1.0, work),
+            Some(whole) => Surface::part_of(&self.scene, whole, work),
             None => Surface::new(&self.scene, work),
         }
     }
@@ -145,7 +145,7 @@ impl Drop for There {
     }
 }
 
-/// Begins to prepare a scene, which may stand beside one that is painted.
+/// Begins to prepare a scene, which may be a part of one that is painted.
 pub(crate) fn ground(
     scene: &Arc<Scene>,
     beside: Option<&Arc<Ground>>,

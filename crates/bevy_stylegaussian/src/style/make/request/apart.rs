@@ -22,7 +22,7 @@ use crate::{
 struct Wanted<'a> {
     paintings: &'a [(Arc<Painting>, f64)],
     ground: &'a Ground,
-    /// The painted scene that it stands beside.
+    /// The painted scene that it is a part of.
     beside: Option<&'a Ground>,
     decided: &'a Decided,
     /// The painting in whose colors it is.
@@ -91,7 +91,7 @@ impl StyleRequest {
         };
         let Decided { is_collection, palette, ref pins, .. } = *wanted.decided;
         let hand = Choices { is_collection, tints, palette, direction: wanted.decided.direction(), pins };
-        let pinned = Laying { surface, beside, paintings: &numbers, hand, content: self.content };
+        let pinned = Laying { surface, whole: beside, paintings: &numbers, hand, content: self.content };
         let known = like.and_then(|like| match &like.style.colors {
             AppliedColors::Known { colors, .. } => Some((Arc::clone(colors), like.unpinned.clone())),
             AppliedColors::Decoded { .. } => None,
