@@ -3,9 +3,9 @@
 //! A [`Look`] keeps its colors and strokes in the order of the scene's source, because readers order Gaussians
 //! differently: a `.ply` keeps the source's order, a `.sgs` is in Morton order. [`Look::new`],
 //! [`Look::with_strokes`], [`Look::colors_for`] and [`Look::strokes_for`] convert from and to the order of a
-//! scene in memory.
+//! scene in memory, and [`OrderedLook`] keeps that order.
 
-use std::{fmt, str::FromStr};
+use std::{fmt, ops::Range, str::FromStr};
 
 use crate::{fold::StylizeError, random::hash, scene::Scene, strokes::Strokes};
 
@@ -18,6 +18,17 @@ pub struct Look {
     pub strokes: Option<Strokes>,
     /// The scene that the colors belong to.
     pub scene: SceneFingerprint,
+    /// Paintings and settings that gave the colors.
+    pub made_from: MadeFrom,
+}
+
+/// A look in the order of a scene in memory, for parts of the scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OrderedLook {
+    /// Display-referred RGB `[N]`, not clamped, in the order of the scene.
+    pub colors: Vec<[f32; 3]>,
+    /// Strokes that are drawn over the colors, their words `[N]` in the same order; `None` if there are none.
+    pub strokes: Option<Strokes>,
     /// Paintings and settings that gave the colors.
     pub made_from: MadeFrom,
 }
@@ -123,27 +134,15 @@ impl Look {
         self.strokes.is_some()
     }
 
-    /// The look of the Gaussians of `scene` at `indices`, as [`Scene::subset`] has them.
+    /// The look in the order of `scene`.
     ///
     /// # Errors
     /// If the look belongs to another scene.
-    ///
-    /// # Panics
-    /// If an index is not below N.
-    pub fn subset(&self, scene: &Scene, indices: &[u32]) -> Result<Self, LookError> {
-        let (colors, strokes) = (self.colors_for(scene)?, self.strokes_for(scene)?);
-        // Means and their order are all that a look asks for.
-        let part = Scene {
-            means: indices.iter().map(|&i| scene.means[i as usize]).collect(),
-            order: indices.iter().map(|&i| scene.order[i as usize]).collect(),
-            n_source: scene.n_source,
-            ..Scene::default()
-        };
-        let colors: Vec<[f32; 3]> = indices.iter().map(|&i| colors[i as usize]).collect();
-        let look = Self::new(&part, &colors, self.made_from.clone());
-        Ok(match strokes {
-            Some(strokes) => look.with_strokes(&part, &strokes.subset(indices)),
-            None => look,
+    pub fn ordered(&self, scene: &Scene) -> Result<OrderedLook, LookError> {
+        Ok(OrderedLook {
+            colors: self.colors_for(scene)?,
+            strokes: self.strokes_for(scene)?,
+            made_from: self.made_from.clone(),
         })
     }
 
@@ -169,6 +168,31 @@ impl Look {
     /// Whether the look has no color.
     pub fn is_empty(&self) -> bool {
         self.colors.is_empty()
+    }
+}
+
+impl OrderedLook {
+    /// The look of the Gaussians of `scene` in `range`, as [`Scene::subset`] has them. The scene is the one
+    /// whose order this is.
+    ///
+    /// # Panics
+    /// If the range reaches beyond N.
+    pub fn part(&self, scene: &Scene, range: Range<usize>) -> Look {
+        // Means and their order are all that a look asks for.
+        let part = Scene {
+            means: scene.means[range.clone()].to_vec(),
+            order: scene.order[range.clone()].to_vec(),
+            n_source: scene.n_source,
+            ..Scene::default()
+        };
+        let look = Look::new(&part, &self.colors[range.clone()], self.made_from.clone());
+        match &self.strokes {
+            Some(strokes) => {
+                let indices: Vec<u32> = range.map(|i| i as u32).collect();
+                look.with_strokes(&part, &strokes.subset(&indices))
+            }
+            None => look,
+        }
     }
 }
 
@@ -311,16 +335,17 @@ mod tests {
         let words = vec![0xABC0_0007, 0xABC0_0005, 0xABC0_0007, 0xABC0_0002];
         let strokes = Strokes { words, seeds: (0..8).map(seed).collect(), textures: Vec::new() };
         let look = Look::new(&scene, &colors, MadeFrom::default()).with_strokes(&scene, &strokes);
-        let indices = [3, 0, 2];
-        let part = scene.subset(&indices);
-        let found = look.subset(&scene, &indices).unwrap();
-        assert_eq!(found.colors_for(&part).unwrap(), [[1.0; 3], [3.0; 3], [2.0; 3]]);
+        let ordered = look.ordered(&scene).unwrap();
+        assert_eq!(ordered.colors, colors);
+        let part = scene.subset(&[0, 1, 2]);
+        let found = ordered.part(&scene, 0..3);
+        assert_eq!(found.colors_for(&part).unwrap(), [[3.0; 3], [0.0; 3], [2.0; 3]]);
         let strokes = found.strokes_for(&part).unwrap().unwrap();
         assert_eq!(strokes.seeds.len(), 2, "two of eight are used");
         let of = |word: u32| (word & 0xFFFC_0000, strokes.seeds[(word & 0x3_FFFF) as usize]);
-        let expected = [2, 7, 7].map(|i| (0xABC0_0000, seed(i)));
+        let expected = [7, 5, 7].map(|i| (0xABC0_0000, seed(i)));
         assert_eq!(strokes.words.iter().map(|&word| of(word)).collect::<Vec<_>>(), expected);
-        assert!(look.subset(&part, &[0]).is_err());
+        assert!(look.ordered(&part).is_err());
     }
 
     #[test]

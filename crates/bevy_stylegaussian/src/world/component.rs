@@ -6,10 +6,10 @@ use super::{asset::WorldManifest, tree::Tree};
 
 /// Shows a [`WorldManifest`]: a capture that is larger than a GPU, at levels of detail that follow the cameras.
 ///
-/// It is placed by the entity's `Transform`. Its Gaussians come and go as children of the entity, each with a
-/// [`GaussianSplats`](crate::GaussianSplats) of its own: a part of the capture at one level. So rays, picking,
-/// volumes, eyes and depth see a world as they see any scene. The children are the plugin's, and a saved game
-/// need not have them.
+/// It is placed by the entity's `Transform`; in its files, -y is up. Its Gaussians come and go as children of
+/// the entity, each with a [`GaussianSplats`](crate::GaussianSplats) of its own: a part of the capture at one
+/// level. So rays, picking, volumes, eyes and depth see a world as they see any scene. The children are the
+/// plugin's, and a saved game need not have them.
 ///
 /// These components of the entity hold for all of its children, and for those to come: `RenderLayers`,
 /// [`SplatTint`](crate::SplatTint), [`SplatShadows`](crate::SplatShadows), [`SplatCaster`](crate::SplatCaster),

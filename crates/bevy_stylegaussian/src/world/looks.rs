@@ -1,9 +1,17 @@
 //! Looks of chunks: each run gets its own part of its chunk's look.
 
-use std::sync::Arc;
+use std::{
+    ptr,
+    sync::{Arc, Mutex, OnceLock, PoisonError, Weak},
+};
 
-use bevy::{asset::LoadState, ecs::system::SystemParam, prelude::*, window::RequestRedraw};
-use stylegaussian::{Look, Scene, work::Canceled};
+use bevy::{
+    asset::{AssetPath, LoadState},
+    ecs::system::SystemParam,
+    prelude::*,
+    window::RequestRedraw,
+};
+use stylegaussian::{Look, Scene, look::OrderedLook, strokes::StrokeTexture, work::Canceled};
 use stylegaussian_files::world::{Run as Place, look_of};
 
 use super::{
@@ -33,11 +41,64 @@ enum Stage {
     /// memory still.
     Reading { place: Place, chunk: Handle<GaussianScene>, of_chunk: Handle<StyleLook> },
     /// A task cuts the part out.
-    Cutting { running: Running<Result<Arc<Look>, String>>, of_chunk: Handle<StyleLook> },
+    Cutting { running: Running<Result<Arc<Look>, String>>, of_chunk: Arc<ChunkLook> },
     /// The chunk's stays with it, for other runs of the chunk.
-    There { own: Handle<StyleLook>, _of_chunk: Handle<StyleLook> },
+    There { own: Handle<StyleLook>, _of_chunk: Arc<ChunkLook> },
     /// It cannot be had.
     Absent,
+}
+
+/// The look of a chunk, for all of its runs.
+struct ChunkLook {
+    handle: Handle<StyleLook>,
+    /// The look and the chunk that it was read for, which are only compared for identity.
+    look: Weak<Look>,
+    chunk: Weak<Scene>,
+    /// The look in the order of the chunk, once a task has needed it. There are thousands of runs of a coarse
+    /// chunk, and each of them costs what it has.
+    ordered: OnceLock<Result<OrderedLook, String>>,
+}
+
+impl ChunkLook {
+    fn is_of(&self, look: &Arc<Look>, chunk: &Arc<Scene>) -> bool {
+        ptr::eq(self.look.as_ptr(), Arc::as_ptr(look)) && ptr::eq(self.chunk.as_ptr(), Arc::as_ptr(chunk))
+    }
+
+    /// The part of a run, cut from this look and this chunk, of which it is.
+    fn part(&self, look: &Look, chunk: &Scene, place: &Place, textures: &Textures) -> Result<Look, String> {
+        let ordered = self.ordered.get_or_init(|| {
+            let mut ordered = look.ordered(chunk).map_err(|error| error.to_string())?;
+            if let Some(strokes) = &mut ordered.strokes {
+                textures.share(&mut strokes.textures);
+            }
+            Ok(ordered)
+        });
+        match ordered {
+            Ok(ordered) => Ok(ordered.part(chunk, place.of(chunk))),
+            Err(error) => Err(error.clone()),
+        }
+    }
+}
+
+/// Textures of paintings. The look of each chunk comes with a copy of its own, and the GPU would have a layer
+/// for each.
+#[derive(Clone, Default)]
+struct Textures(Arc<Mutex<Vec<Weak<StrokeTexture>>>>);
+
+impl Textures {
+    /// Puts the textures that are in use in place of equal ones.
+    fn share(&self, textures: &mut [Arc<StrokeTexture>]) {
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        known.retain(|known| known.strong_count() > 0);
+        for texture in textures {
+            // The same one is equal at once.
+            let found = known.iter().filter_map(Weak::upgrade).find(|known| *known == *texture);
+            match found {
+                Some(found) => *texture = found,
+                None => known.push(Arc::downgrade(texture)),
+            }
+        }
+    }
 }
 
 /// What a run has of its world's looks of chunks.
@@ -72,6 +133,9 @@ pub(super) struct Sources<'w, 's> {
     workers: Res<'w, Workers>,
     failures: WorldFailures<'w, 's>,
     redraw: MessageWriter<'w, RequestRedraw>,
+    /// The looks of chunks that runs have.
+    of_chunks: Local<'s, Vec<Weak<ChunkLook>>>,
+    textures: Local<'s, Textures>,
 }
 
 /// Gives runs their looks: those that are largest on screen first, a few at a time.
@@ -130,12 +194,37 @@ pub(super) fn cut_looks(
 }
 
 impl Sources<'_, '_> {
-    /// Begins to read the look of a run's chunk.
+    /// Begins to read the look of a run's chunk, unless it is known that it cannot be had.
     fn reading(&self, tree: &Tree, folder: &str, place: Place) -> Option<Stage> {
         let file = tree.levels.as_ref()?.files.get(place.file)?;
+        let look = AssetPath::from(format!("{folder}/{}", look_of(file)));
+        // Bevy would read it again.
+        if tree.told.contains(&look.to_string()) {
+            return Some(Stage::Absent);
+        }
         let chunk = self.server.load(tree.path_of(file));
-        let of_chunk = self.server.load(format!("{folder}/{}", look_of(file)));
-        Some(Stage::Reading { place, chunk, of_chunk })
+        Some(Stage::Reading { place, chunk, of_chunk: self.server.load(look) })
+    }
+
+    /// That of a look and its chunk, which all runs of the chunk have in common.
+    fn of_chunk(
+        &mut self,
+        handle: &Handle<StyleLook>,
+        look: &Arc<Look>,
+        chunk: &Arc<Scene>,
+    ) -> Arc<ChunkLook> {
+        self.of_chunks.retain(|known| known.strong_count() > 0);
+        let found = self.of_chunks.iter().filter_map(Weak::upgrade).find(|known| known.is_of(look, chunk));
+        found.unwrap_or_else(|| {
+            let new = Arc::new(ChunkLook {
+                handle: handle.clone(),
+                look: Arc::downgrade(look),
+                chunk: Arc::downgrade(chunk),
+                ordered: OnceLock::new(),
+            });
+            self.of_chunks.push(Arc::downgrade(&new));
+            new
+        })
     }
 
     /// The stage after this one, or `None` if it lasts.
@@ -148,18 +237,20 @@ impl Sources<'_, '_> {
                 let Some(scene) = loaded(&self.server, &self.scenes, chunk)? else { return Ok(None) };
                 let Some(look) = loaded(&self.server, &self.looks, of_chunk)? else { return Ok(None) };
                 let (place, scene, look) = (place.clone(), Arc::clone(scene.scene()), Arc::clone(&look.0));
-                let running = self
-                    .workers
-                    .start(Lane::Styles, move |_| Ok(part_of(&look, &scene, &place).map(Arc::new)));
-                Ok(Some(Stage::Cutting { running, of_chunk: of_chunk.clone() }))
+                let of_chunk = self.of_chunk(of_chunk, &look, &scene);
+                let (common, textures) = (Arc::clone(&of_chunk), Textures::clone(&self.textures));
+                let running = self.workers.start(Lane::Styles, move |_| {
+                    Ok(common.part(&look, &scene, &place, &textures).map(Arc::new))
+                });
+                Ok(Some(Stage::Cutting { running, of_chunk }))
             }
             Stage::Cutting { running, of_chunk } => {
-                let failed = |error: String| (name(of_chunk), error);
+                let failed = |error: String| (name(&of_chunk.handle), error);
                 match running.get() {
                     None => Ok(None),
                     Some(Ok(Ok(look))) => {
                         let own = self.looks.add(StyleLook(Arc::clone(look)));
-                        Ok(Some(Stage::There { own, _of_chunk: of_chunk.clone() }))
+                        Ok(Some(Stage::There { own, _of_chunk: Arc::clone(of_chunk) }))
                     }
                     Some(Ok(Err(error))) => Err(failed(error.clone())),
                     Some(Err(Canceled)) => {
@@ -192,13 +283,6 @@ fn name<A: Asset>(handle: &Handle<A>) -> String {
     handle.path().map_or_else(|| "a look of a chunk".into(), ToString::to_string)
 }
 
-/// The part of a chunk's look that is a run's.
-fn part_of(look: &Look, chunk: &Scene, place: &Place) -> Result<Look, String> {
-    let found = place.of(chunk);
-    let indices: Vec<u32> = (found.start as u32..found.end as u32).collect();
-    look.subset(chunk, &indices).map_err(|error| error.to_string())
-}
-
 impl Tree {
     /// The place in its chunk of the run that an entity shows of a node, or `None` if it is of none any more.
     fn place(&self, node: usize, entity: Entity) -> Option<Place> {
@@ -214,20 +298,64 @@ impl Tree {
 
 #[cfg(test)]
 mod tests {
-    use stylegaussian::look::MadeFrom;
+    use stylegaussian::{
+        look::MadeFrom,
+        strokes::{StrokeSeed, Strokes},
+    };
 
     use super::*;
     use crate::tests::world::small_scene;
 
+    /// The look of a chunk that no run has yet.
+    fn of_chunk(look: &Arc<Look>, chunk: &Arc<Scene>) -> ChunkLook {
+        ChunkLook {
+            handle: Handle::default(),
+            look: Arc::downgrade(look),
+            chunk: Arc::downgrade(chunk),
+            ordered: OnceLock::new(),
+        }
+    }
+
     #[test]
     fn a_run_has_its_part_of_the_look() {
-        let scene = small_scene(10, 1);
+        let (scene, other) = (Arc::new(small_scene(10, 1)), Arc::new(small_scene(10, 2)));
         let colors: Vec<[f32; 3]> = (0..10).map(|i| [i as f32, 0.0, 1.0]).collect();
-        let look = Look::new(&scene, &colors, MadeFrom::default());
+        let look = Arc::new(Look::new(&scene, &colors, MadeFrom::default()));
+        let part = |chunk: &Arc<Scene>, place: &Place| {
+            of_chunk(&look, chunk).part(&look, chunk, place, &Textures::default())
+        };
         let place = Place { file: 0, range: 4..7 };
-        let part = scene.subset(&[4, 5, 6]);
-        assert_eq!(part_of(&look, &scene, &place).unwrap().colors_for(&part).unwrap(), colors[4..7]);
-        let other = part_of(&look, &small_scene(10, 2), &place).unwrap_err();
-        assert!(other.contains("of another scene"), "{other}");
+        let own = scene.subset(&[4, 5, 6]);
+        assert_eq!(part(&scene, &place).unwrap().colors_for(&own).unwrap(), colors[4..7]);
+        let error = part(&other, &place).unwrap_err();
+        assert!(error.contains("of another scene"), "{error}");
+        let of_chunk = of_chunk(&look, &scene);
+        assert!(of_chunk.is_of(&look, &scene) && !of_chunk.is_of(&look, &other));
+    }
+
+    #[test]
+    fn looks_of_one_painting_share_its_texture() {
+        let texture =
+            |value: i8| StrokeTexture { fine: vec![vec![[value; 4]]], wide: vec![vec![[value; 4]]] };
+        let (textures, chunk) = (Textures::default(), Arc::new(small_scene(4, 1)));
+        let texture_of_part = |value: i8| {
+            let strokes = Strokes {
+                seeds: vec![StrokeSeed::default()],
+                words: vec![0; 4],
+                textures: vec![Arc::new(texture(value))],
+            };
+            let look = Look::new(&chunk, &[[0.5; 3]; 4], MadeFrom::default()).with_strokes(&chunk, &strokes);
+            let look = Arc::new(look);
+            let place = Place { file: 0, range: 1..3 };
+            let part = of_chunk(&look, &chunk).part(&look, &chunk, &place, &textures).unwrap();
+            Arc::clone(&part.strokes.unwrap().textures[0])
+        };
+        let (first, other, second) = (texture_of_part(1), texture_of_part(2), texture_of_part(1));
+        assert!(Arc::ptr_eq(&first, &second) && !Arc::ptr_eq(&first, &other));
+        assert_eq!((&*first, &*other), (&texture(1), &texture(2)));
+        // What nobody uses is forgotten.
+        drop((first, other, second));
+        let _third = texture_of_part(3);
+        assert_eq!(textures.0.lock().unwrap().len(), 1);
     }
 }

@@ -105,6 +105,7 @@ fn gathered(scenes: &[Arc<Scene>], most: usize) -> Scene {
         passed += scene.len();
     }
     let n = gathered.means.len();
+    // Most chunks do not tell it. Then the surface guesses it, from all of them together.
     let up = scenes.first().and_then(|scene| scene.up);
     let mut gathered = Scene { order: (0..n as u32).collect(), n_source: n, up, ..gathered };
     gathered.set_colors(&colors);
