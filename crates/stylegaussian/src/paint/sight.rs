@@ -97,18 +97,19 @@ impl Sight {
 }
 
 impl Sight {
-    /// All of a scene seen from the front, where a pixel of the painting has this size, in scene units.
-    /// Gaussians are half as wide as they are apart. There are no proofs.
+    /// All of a scene seen from the front, where a pixel of the painting has this size, in scene units. The
+    /// unit vector `up` is up unless the scene tells it. Gaussians are half as wide as they are apart. There
+    /// are no proofs.
     ///
     /// # Errors
     /// If `work` is canceled.
-    pub fn from_the_front(scene: &Scene, pixel: f32, work: &Work) -> Result<Self, Canceled> {
+    pub fn from_the_front(scene: &Scene, pixel: f32, up: Vec3, work: &Work) -> Result<Self, Canceled> {
         let visible = |side: f32| (2.0 * side / pixel).powi(2).min(MOST_PIXELS);
         Ok(Self {
             visibility: scene.broad_sides().into_iter().map(visible).collect(),
             pixel,
             proofs: Proofs::new(scene, &[], work)?,
-            up: scene.up.and_then(Vec3::try_normalize).unwrap_or(Vec3::Y),
+            up: scene.up.and_then(Vec3::try_normalize).unwrap_or(up),
         })
     }
 }

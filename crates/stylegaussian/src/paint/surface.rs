@@ -52,6 +52,8 @@ pub struct Surface {
     pub(super) shared: Vec<u32>,
     /// Size of a pixel of the painting, in scene units.
     pub(super) pixel: f32,
+    /// The direction that is up, a unit vector.
+    up: Vec3,
     /// Pixels of usual views that each Gaussian fills `[N]`.
     pub(super) visibility: Vec<f32>,
     /// Base colors, with and without detail smaller than a stroke `[N]`.
@@ -128,13 +130,14 @@ impl Surface {
 
     /// The surfaces of `scene`, which stands beside the one that `painted` is of: strokes are as large as
     /// there, and colors change as there. `scale` is the size of the other's unit in units of this scene, above
-    /// 0. All of it counts as seen, from the front, and nothing is rendered.
+    /// 0. All of it counts as seen, from the front, and nothing is rendered. Up is as there, unless the scene
+    /// tells it.
     ///
     /// # Errors
     /// If `work` is canceled.
     pub fn beside(scene: &Scene, painted: &Self, scale: f32, work: &Work) -> Result<Self, Canceled> {
         Self::in_order(scene, |sorted| {
-            let sight = Sight::from_the_front(sorted, painted.pixel * scale, work)?;
+            let sight = Sight::from_the_front(sorted, painted.pixel * scale, painted.up, work)?;
             let spacing = SPACING * sight.pixel;
             Self::seen(sorted, (sight, spacing), Some((painted, Vec::new())), work)
         })
@@ -148,7 +151,7 @@ impl Surface {
     /// If `work` is canceled.
     pub fn part_of(scene: &Scene, whole: &Self, work: &Work) -> Result<Self, Canceled> {
         Self::in_order(scene, |sorted| {
-            let sight = Sight::from_the_front(sorted, whole.pixel, work)?;
+            let sight = Sight::from_the_front(sorted, whole.pixel, whole.up, work)?;
             let shared = sorted.bounds().map_or_else(Vec::new, |bounds| whole.seeds.near(bounds));
             Self::seen(sorted, (sight, whole.seeds.spacing), Some((whole, shared)), work)
         })
@@ -219,6 +222,7 @@ impl Surface {
             seeds,
             shared,
             pixel,
+            up: sight.up,
             base,
             low,
             edges,

@@ -177,6 +177,27 @@ fn what_the_whole_does_not_have_gets_seeds_of_its_own() {
 }
 
 #[test]
+fn new_strokes_of_a_part_stand_as_the_whole_does() {
+    let mut fine = wall(SIDE);
+    // Captures have y down. Chunks of a world do not tell it.
+    let coarse = Scene { up: Some(Vec3::NEG_Y), ..coarser(&fine) };
+    let whole = Whole::new(&coarse, &[dabs([230, 180, 90])], Hand::default());
+    for mean in &mut fine.means[80 * SIDE..] {
+        mean.x += 5.0;
+    }
+    let of_new = |scene: &Scene| {
+        let (surface, _) = whole.part(scene);
+        surface.seeds.seeds[surface.shared.len()..].to_vec()
+    };
+    let new = of_new(&fine);
+    assert!(!new.is_empty() && new.iter().all(|seed| seed.up.y < -0.5), "{new:?}");
+    // What a scene tells goes first.
+    fine.up = Some(Vec3::Y);
+    let new = of_new(&fine);
+    assert!(!new.is_empty() && new.iter().all(|seed| seed.up.y > 0.5), "{new:?}");
+}
+
+#[test]
 fn seeds_that_are_shared_keep_their_paintings_and_places() {
     let fine = wall(SIDE);
     let hand = Hand { is_collection: true, ..Hand::default() };
