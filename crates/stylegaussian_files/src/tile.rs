@@ -6,6 +6,8 @@
 //! takes 112 bytes while it is sorted, and after that 75 with its levels, beside the chunks; with spherical
 //! harmonics of degree 3 it takes 472 and 315.
 //!
+//! In chunks, -y is up: scenes whose up direction is known are turned by quarter turns, with a warning.
+//!
 //! Chunks hold geometry, colors and spherical harmonics. SOG has no place for features, a decoder or a mask: a
 //! scene that is to be decoded is kept whole.
 //!

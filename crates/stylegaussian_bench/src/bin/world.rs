@@ -13,7 +13,7 @@ use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use glam::{Affine3A, Quat, UVec2, Vec3, Vec3A};
 use rayon::prelude::*;
-use stylegaussian::{Scene, random::Random, sh, work::Work};
+use stylegaussian::{Axes, Scene, random::Random, sh, work::Work};
 use stylegaussian_files::{
     read_scene,
     tile::{LeveledNode, TileOptions, WorldWriter, nodes},
@@ -27,7 +27,7 @@ use stylegaussian_files::{
 #[derive(Debug, Parser)]
 #[command(name = "cargo xtask world")]
 struct Arguments {
-    /// The scenes, their y axes pointing down. All are scaled to the size of the first.
+    /// The scenes, their y axes pointing down, or up if they say so. All are scaled to the size of the first.
     #[arg(value_name = "SCENE", default_value = "assets/demo.sgs")]
     scenes: Vec<PathBuf>,
     /// Gaussians of the finest level, rounded up to whole copies.
@@ -112,7 +112,10 @@ fn main() -> Result<()> {
 /// Reads a scene and merges its levels.
 fn source(path: &Path, options: &TileOptions) -> Result<Source> {
     let scene = read_scene(path)?.scene.with_sh_degree_at_most(0).into_owned();
-    let scene = Scene { features: None, neighbors: None, decoder: None, mask: None, ..scene };
+    let mut scene = Scene { features: None, neighbors: None, decoder: None, mask: None, ..scene };
+    if scene.up.is_some_and(|up| up.y > up.x.abs().max(up.z.abs())) {
+        Axes::RUB.turn(&mut scene);
+    }
     let bulk = scene.bulk(OUTSIDE);
     let [low, high] = bulk.with_context(|| format!("{}: a scene without Gaussians", path.display()))?;
     let side = (high - low).x.max((high - low).z);

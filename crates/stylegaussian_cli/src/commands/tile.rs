@@ -23,8 +23,9 @@ use crate::{
 /// Make a world: a folder with levels of detail in chunks that are streamed (streamed SOG, lod-meta.json).
 ///
 /// Gaussians that are near one another and alike are merged, level by level, each with a quarter of the one
-/// before. Scenes may be larger than memory: .ply and .splat are read in slices and sorted on disk. Ctrl-C
-/// stops between two steps; the same command then goes on.
+/// before. Scenes may be larger than memory: .ply and .splat are read in slices and sorted on disk. Those whose
+/// up direction is known are turned until -y is up, as in all worlds. Ctrl-C stops between two steps; the same
+/// command then goes on.
 #[derive(Args, Debug)]
 pub struct TileArgs {
     /// Scenes in any format (`stylegaussian --help` lists them). Together they are one world.

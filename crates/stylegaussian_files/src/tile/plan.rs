@@ -1,6 +1,7 @@
 //! Sorting the Gaussians into blocks.
 
 use std::{
+    borrow::Cow,
     fs::{self, File, OpenOptions},
     io::{BufWriter, Read, Write},
     path::{Path, PathBuf},
@@ -25,6 +26,7 @@ use crate::{
     distant,
     error::{FileError, Loaded, mismatch},
     json,
+    upright::upright,
     world::FILE,
 };
 
@@ -155,6 +157,14 @@ impl Everything {
             work.check()?;
             let Loaded { scene, warnings, .. } = slice?;
             warnings.into_iter().for_each(|warning| read.warn(warning));
+            // Chunks do not tell it, and -y is up in all worlds.
+            let (scene, up_before) = upright(Cow::Owned(scene)).map_err(|mismatch| mismatch.at(path))?;
+            if let Some(up) = up_before {
+                read.warn(format!(
+                    "a scene whose up direction is {up} was turned until -y was up, as in all worlds: its \
+                     cameras no longer fit"
+                ));
+            }
             read.note(&scene);
             // Chunks have one origin: the first scene's.
             let offset = scene.offset - *origin.get_or_insert(scene.offset);

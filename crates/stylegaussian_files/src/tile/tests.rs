@@ -92,6 +92,20 @@ fn a_world_has_every_gaussian_once_and_a_quarter_at_each_level() {
 }
 
 #[test]
+fn scenes_are_set_upright() {
+    let dir = tempfile::tempdir().unwrap();
+    // Two slices, and one Gaussian far above the others.
+    let scene = Scene { up: Some(Vec3::Y), ..ground(500) };
+    let Tiled { world, warnings } = tiled(&scene, dir.path()).unwrap();
+    assert_eq!((world.count(0), warnings.len()), (500, 2), "{warnings:?}");
+    assert!(warnings[1].contains("up direction is [0, 1, 0]"), "{}", warnings[1]);
+    // Half a turn about x.
+    let read = read_scene(dir.path()).unwrap().scene;
+    assert!(read.means.iter().all(|mean| mean.x > -0.01 && mean.y < 1.01 && mean.z < 0.01));
+    assert_eq!(read.means.iter().filter(|mean| mean.y < -290.0).count(), 1);
+}
+
+#[test]
 fn boxes_hold_a_deviation_around_their_gaussians() {
     let scene = ground(100);
     let node = LeveledNode::new(vec![scene.subset(&[5])]);

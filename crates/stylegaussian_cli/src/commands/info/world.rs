@@ -76,6 +76,7 @@ fn text(info: &WorldInfo) -> String {
         format!("  level {i:<5} {n_gaussians} Gaussians in {n_nodes} parts, {n_chunks} chunks")
     }));
     lines.extend(info.environment.map(|file| format!("  surrounded  by {file}")));
+    lines.push("  up          -y, as in all worlds: the format has no place for another".into());
     lines.extend(info.bounds.map(|[min, max]| format!("  bounds      {min:?} to {max:?}")));
     lines.join("\n")
 }
