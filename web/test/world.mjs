@@ -4,7 +4,7 @@
 //   node --test web/test/world.mjs        PICTURES=FOLDER keeps the pictures
 
 import assert from "node:assert/strict";
-import { mkdirSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
+import { mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, afterEach, before, test } from "node:test";
@@ -23,6 +23,8 @@ let browser, server, levels;
 
 before(async () => {
   assert.ok(program(), "the native program is not built. Run: cargo build -p stylegaussian_cli");
+  // That of an earlier run, in a folder that is kept.
+  rmSync(WORLD, { recursive: true, force: true });
   run("tile", "assets/demo.sgs", "--levels", "3", "--chunk", "8192", "--output", WORLD);
   levels = JSON.parse(readFileSync(join(WORLD, "lod-meta.json")));
   browser = await launch();

@@ -12,6 +12,10 @@ use stylegaussian_app::Subject;
 
 use crate::bridge::{self, Event};
 
+/// The fewest Gaussians to which the budget of a world is halved: a twentieth of a browser's usual one. Several
+/// frames may fail before the first half has left memory.
+const FEWEST: usize = 50_000;
+
 /// The handler of errors of the GPU. Bevy's own ends the app.
 pub fn handler() -> RenderErrorHandler {
     RenderErrorHandler(handle)
@@ -41,10 +45,26 @@ fn free(main_world: &mut World) -> &'static str {
     let mut worlds = main_world.query_filtered::<(), (With<Subject>, With<GaussianWorld>)>();
     if worlds.iter(main_world).next().is_some() {
         let budget = main_world.get_resource_or_init::<GaussianBudget>().into_inner();
-        *budget = GaussianBudget::new(budget.gaussians / 2);
+        *budget = halved(*budget);
         return "The GPU has no memory left. Less of the world is shown.";
     }
     let mut scenes = main_world.query_filtered::<&mut GaussianSplats, With<Subject>>();
     scenes.iter_mut(main_world).for_each(|mut scene| *scene = GaussianSplats::default());
     "The GPU has no memory left for this scene. Open a smaller one."
+}
+
+/// Half of a budget, but not fewer than [`FEWEST`] unless it has fewer.
+fn halved(budget: GaussianBudget) -> GaussianBudget {
+    GaussianBudget::new((budget.gaussians / 2).max(FEWEST.min(budget.gaussians)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_budget_is_halved_down_to_the_fewest() {
+        let of = |gaussians: usize| halved(GaussianBudget::new(gaussians)).gaussians;
+        assert_eq!([1_000_000, 80_000, 50_000, 7_000, 0].map(of), [500_000, 50_000, 50_000, 7_000, 0]);
+    }
 }

@@ -53,10 +53,9 @@ pub fn set_budget(mut requests: MessageReader<Request>, mut budget: ResMut<Gauss
     }
 }
 
-/// What was told of a world.
+/// What was told of a world since it was opened.
 #[derive(Default)]
 pub struct Told {
-    world: Option<AssetId<WorldManifest>>,
     /// Whether all of it was seen once.
     is_shown: bool,
     /// The style that was asked for last.
@@ -67,27 +66,28 @@ pub struct Told {
 }
 
 /// A world, its counts and its style.
-type FollowedWorld = (&'static GaussianWorld, &'static WorldState, &'static StyleSource);
+type FollowedWorld = (Ref<'static, GaussianWorld>, &'static WorldState, &'static StyleSource);
 
 /// Tells once that a world is drawn, and after each change of style how long it took to reach all that is
 /// shown. Notes the counts.
 pub fn follow(
     world: Option<Single<FollowedWorld, With<Subject>>>,
-    mut told: Local<Told>,
+    mut told: Local<Option<Told>>,
     time: Res<Time<Real>>,
 ) {
     let Some(world) = world else {
-        if told.world.is_some() {
-            *told = Told::default();
+        if told.take().is_some() {
             bridge::note_world(None);
         }
         return;
     };
     let (world, state, source) = world.into_inner();
     bridge::note_world(Some(state));
-    if told.world != Some(world.0.id()) {
-        *told = Told { world: Some(world.0.id()), ..Told::default() };
+    // The same one may be opened again.
+    if world.is_changed() {
+        *told = None;
     }
+    let told = told.get_or_insert_default();
     if !told.is_shown && state.shown_parts > 0 && state.waiting == 0 {
         told.is_shown = true;
         bridge::tell(Event::Shown, "");
