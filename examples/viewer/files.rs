@@ -82,9 +82,14 @@ pub fn open_arguments(
     assets: Res<AssetServer>,
     mut shown: ResMut<ShownScene>,
     mut styles: ResMut<Styles>,
+    mut notice: ResMut<Notice>,
 ) {
     shown.load(&named(from_here(&arguments.scene)), &assets);
     for path in &arguments.styles {
+        if shown.expects_world() && is_of_a_scene(path) {
+            notice.fail(format!("{}: {OF_SCENES}", path.display()));
+            continue;
+        }
         let index = styles.add(&from_here(path), &assets);
         // And not `select`, which would leave the last one alone.
         styles.list[index].weight = 1.0;
@@ -123,7 +128,7 @@ pub fn open(
                 notice.fail(format!("{}: found a folder without a scene, {}", path.display(), expected()));
             }
             Some(Kind::Scene) => shown.load(&path, &assets),
-            Some(_) if shown.is_world && is_of_a_scene(&path) => {
+            Some(_) if shown.expects_world() && is_of_a_scene(&path) => {
                 notice.fail(format!("{}: {OF_SCENES}", path.display()));
             }
             Some(Kind::Mask) => {

@@ -16,7 +16,7 @@ use stylegaussian_app::{Subject, save_shown};
 
 use crate::{
     panel::{Notice, Panel},
-    scene::ShownScene,
+    scene::{OF_SCENES, ShownScene},
     styles::Styles,
 };
 
@@ -117,13 +117,14 @@ pub fn save_pins(
     mut wishes: MessageReader<Save>,
     shown: Res<ShownScene>,
     scenes: Res<Assets<GaussianScene>>,
-    splats: Single<&GaussianSplats, With<Subject>>,
+    splats: Single<Option<&GaussianSplats>, With<Subject>>,
     styles: Res<Styles>,
     mut notice: ResMut<Notice>,
 ) {
     if !wishes.read().any(|wish| *wish == Save::Pins) {
         return;
     }
+    let Some(splats) = *splats else { return notice.fail(OF_SCENES.into()) };
     let Some(scene) = scenes.get(&splats.0) else { return };
     let pins = StoredPins::new(scene.scene(), styles.used_pins().into_iter().map(Pin::from).collect());
     let saved = new_path(&shown.name, "pins.json").and_then(|path| {

@@ -12,7 +12,7 @@ use stylegaussian_app::{Framing, Orbit, Subject, loaded_asset};
 use crate::panel::{Notice, Transfer};
 
 /// Why some files and tools do not go with a world.
-pub const OF_SCENES: &str = "looks, masks and pins are of single scenes, and a world is shown";
+pub const OF_SCENES: &str = "looks, masks and pins are of single scenes, and do not fit a world";
 
 /// The axes that can be up in a scene.
 pub const AXES: [(&str, Vec3); 6] = [
@@ -53,6 +53,14 @@ impl ShownScene {
             _ => Next::Scene(assets.load(path.to_owned())),
         };
         self.loading = Some((path.to_owned(), next));
+    }
+
+    /// Whether a world is shown, once what is being loaded is.
+    pub fn expects_world(&self) -> bool {
+        match &self.loading {
+            Some((_, next)) => matches!(next, Next::World(_)),
+            None => self.is_world,
+        }
     }
 
     fn of_scene(scene: &GaussianScene) -> Self {

@@ -307,15 +307,16 @@ pub fn apply(
     mut transfer: ResMut<Transfer>,
 ) {
     let (entity, mut source, refine) = scene.into_inner();
-    let looks_fit = shown.name == BAKED_SCENE;
+    let looks_fit = shown.name == BAKED_SCENE && !shown.is_world;
     if styles.looks_fit != looks_fit {
         styles.looks_fit = looks_fit;
     }
     // Only a real change may touch the component: `Changed<StyleSource>` would restyle in each frame.
     let mut wanted = styles.source();
     if shown.is_world {
-        // They are of the scene before it.
+        // They are of the scene before it, or of one that is to come.
         wanted.pins = default();
+        wanted.styles.retain(|style| !matches!(style.input, StyleInput::Look(_)));
     }
     // How strokes are drawn is shown at once, and nothing comes of it later.
     let is_computed = source.styles != wanted.styles
