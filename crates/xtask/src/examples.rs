@@ -18,8 +18,8 @@ use crate::steps::target_folder;
 /// The X server without a screen.
 const SERVER: &str = "Xvfb";
 
-/// Examples without a window: `cargo xtask fly` gives the first a world, and `cargo xtask demo` and `cargo xtask
-/// pictures` run the others.
+/// Examples without a window: `cargo xtask fly` gives the first a world, and `cargo xtask demo` and
+/// `cargo xtask pictures` run the others.
 const WITHOUT_WINDOW: [&str; 3] = ["fly", "headless", "pictures"];
 
 /// A line that Bevy logs once it has a GPU, right before its first frame.

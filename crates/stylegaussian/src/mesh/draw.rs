@@ -25,7 +25,7 @@ fn level(seed: &StrokeSeed, steps: [Vec3; 2]) -> f32 {
 /// Triangles that reach nearer than the camera's near plane are left out.
 ///
 /// # Panics
-/// If split, spots, paint and colors are not those of one mesh.
+/// If split, spots, paint and colors are not those of one mesh, or if the paint has no strokes.
 pub fn draw(
     (split, spots): (&Split, &Spots),
     paint: &MeshPaint,

@@ -15,7 +15,8 @@ use stylegaussian::{
 
 use crate::error::TrainError;
 
-/// Radius of the ball over that of the ball that cameras frame: every camera sees all of it.
+/// Radius of the ball over that of the ball that cameras frame: every camera that was chosen from outside sees
+/// all of it. Cameras of a capture may see a part, and those within it see it from inside.
 const SHARE: f32 = 0.7;
 
 /// Cells around the ball's axis and along it, of its mesh before that is split, and of its colors.
