@@ -3,7 +3,7 @@
 //! Scenes in memory keep the coordinates of their source, whatever their up direction. Viewers of glTF and SPZ
 //! take the y axis for up. So a scene whose up direction is known is turned for them, by quarter turns, which
 //! are exact. The up direction that it had goes into the file, and our readers turn it back: cameras and looks
-//! of the scene fit both.
+//! of the scene fit both. The chunks of a world, where -y is up, have no place for it, and stay turned.
 
 use std::borrow::Cow;
 
