@@ -1,6 +1,8 @@
 //! A sky for the examples: a large sphere with a vertical color gradient.
 
-use bevy::{camera::visibility::NoFrustumCulling, mesh::VertexAttributeValues, prelude::*};
+use bevy::{
+    camera::visibility::NoFrustumCulling, light::NotShadowCaster, mesh::VertexAttributeValues, prelude::*,
+};
 
 /// Radius of the sphere in scene units, larger than everything in the examples.
 const RADIUS: f32 = 400.0;
@@ -26,7 +28,9 @@ pub fn spawn(
     mesh.insert_attribute(Mesh::ATTRIBUTE_COLOR, colors);
     // Seen from inside, so back faces must not be culled.
     let material = StandardMaterial { unlit: true, fog_enabled: false, cull_mode: None, ..default() };
-    commands.spawn((Mesh3d(meshes.add(mesh)), MeshMaterial3d(materials.add(material)), NoFrustumCulling));
+    let (mesh, material) = (Mesh3d(meshes.add(mesh)), MeshMaterial3d(materials.add(material)));
+    // Suns are outside of it.
+    commands.spawn((mesh, material, NoFrustumCulling, NotShadowCaster));
 }
 
 /// The linear color at a height on the unit sphere.

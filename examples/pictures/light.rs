@@ -14,6 +14,8 @@ use super::{EYE, MIDDLE, SIZE, Studio, beside};
 const RED: Color = Color::srgb(0.85, 0.2, 0.15);
 const YELLOW: Color = Color::srgb(0.95, 0.7, 0.15);
 const WHITE: Color = Color::srgb(0.9, 0.9, 0.88);
+/// Dark, since light that bounces off a bright surface fills its corners.
+const STONE: Color = Color::srgb(0.4, 0.4, 0.42);
 const GLASS: Color = Color::srgba(0.2, 0.9, 0.5, 0.45);
 const WATER: Color = Color::srgba(0.1, 0.35, 0.45, 0.6);
 
@@ -30,15 +32,15 @@ const CLOUD: Vec3 = Vec3::new(-0.75, 3.0, -0.9);
 fn cubes(studio: &mut Studio) {
     for (at, color) in [
         (Vec3::new(2.4, 0.9, 4.2), RED),
-        (Vec3::new(-2.6, 1.0, 0.6), YELLOW),
-        (Vec3::new(0.6, 1.4, -4.6), RED),
+        (Vec3::new(0.9, 0.8, 0.6), YELLOW),
+        (Vec3::new(0.7, 2.0, -4.6), RED),
     ] {
         studio.mesh(Cuboid::from_length(0.9), color, at);
     }
 }
 
 pub fn fog(studio: &mut Studio) -> Result<()> {
-    let falloff = FogFalloff::Linear { start: 6.0, end: 15.0 };
+    let falloff = FogFalloff::Linear { start: 4.0, end: 20.0 };
     let fog = DistanceFog { color: Color::srgb(0.72, 0.79, 0.84), falloff, ..default() };
     studio.camera(EYE, MIDDLE, fog);
     studio.sun(SUN);
@@ -68,11 +70,13 @@ fn without_and_with_depth(studio: &mut Studio, camera: Entity, name: &str) -> Re
 
 pub fn ambient_occlusion(studio: &mut Studio) -> Result<()> {
     // Ambient light alone, which is what it changes.
-    let light = AmbientLight { brightness: 900.0, ..default() };
-    let more = (ScreenSpaceAmbientOcclusion::default(), light);
-    let camera = studio.camera(Vec3::new(0.0, 4.4, 8.2), Vec3::new(0.0, -0.7, 1.6), more);
+    let light = AmbientLight { brightness: 2500.0, ..default() };
+    let more = (ScreenSpaceAmbientOcclusion { constant_object_thickness: 4.0, ..default() }, light);
+    let camera = studio.camera(Vec3::new(0.4, 2.9, 5.4), Vec3::new(-0.4, 0.5, 0.0), more);
     studio.garden(());
-    studio.mesh(Plane3d::new(Vec3::Y, Vec2::splat(9.0)), WHITE, Vec3::new(0.0, -0.9, 0.0));
+    studio.mesh(Cuboid::from_length(0.6), STONE, Vec3::new(0.9, 0.6, 1.6));
+    // A floor on the island, out of which trees and houses stand.
+    studio.mesh(Plane3d::new(Vec3::Y, Vec2::splat(9.0)), STONE, Vec3::new(0.0, 0.3, 0.0));
     without_and_with_depth(studio, camera, "ambient_occlusion")
 }
 

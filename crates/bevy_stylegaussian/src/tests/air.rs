@@ -8,7 +8,7 @@ use bevy::{
     },
     pbr::{AtmosphereSettings, DistanceFog, FogFalloff},
     prelude::*,
-    render::RenderApp,
+    render::{RenderApp, renderer::RenderAdapterInfo},
 };
 
 use crate::{
@@ -203,6 +203,11 @@ fn meshes_cast_shadows_on_splats_that_receive_them() {
 #[test]
 fn the_sky_of_an_atmosphere_is_behind_splats() {
     let Some(mut studio) = Studio::new() else { return };
+    if studio.app.world().resource::<RenderAdapterInfo>().device_type == wgpu::DeviceType::Cpu {
+        // Mesa's driver of LLVM 15 ends the process when it draws Bevy's atmosphere.
+        eprintln!("SKIPPED: an atmosphere is not safe to draw on the CPU");
+        return;
+    }
     let camera = studio.camera(EYE, (Msaa::Off, Tonemapping::Reinhard, Hdr, DebandDither::Disabled));
     // As bright as the sun is outside of the atmosphere.
     let sun = DirectionalLight { illuminance: 130_000.0, ..default() };

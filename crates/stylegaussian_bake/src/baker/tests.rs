@@ -137,7 +137,9 @@ fn a_part_begins_in_the_colors_of_the_whole() {
     let colors: Vec<[f32; 3]> = whole.base_colors().into_iter().enumerate().map(shade).collect();
     whole.set_colors(&colors);
     let part = whole.subset(&(0..24 * 24).filter(|i| i % 24 < 12).collect::<Vec<_>>());
-    let paintings = [(painting(64, dabs), 1.0)];
+    // So is the painting, below its dabs.
+    let halves = |x: u32, y: u32| dabs(x, y).map(|c| 0.5 * c + [0.0, 0.5][x as usize / 32]);
+    let paintings = [(painting(64, halves), 1.0)];
     let config = BakeConfig { steps: 2, ..CONFIG };
     let brightness = |baker: &Baker| baker.colors.iter().sum::<f32>() / baker.colors.len() as f32;
     let alone = Baker::new(config, &part, &cameras(), &paintings, network(), &Work::default()).unwrap();
