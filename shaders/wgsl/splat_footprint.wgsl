@@ -7,6 +7,12 @@
 
 @group(1) @binding(0) var<storage, read> gaussians: array<PackedGaussian>;
 
+/// The chunk's flags. Mesa's driver for CPUs specializes a kernel at each dispatch if branches depend on uniforms
+/// alone, which takes longer than the kernel. To it, the length of an array is no uniform.
+fn flags() -> u32 {
+    return select(chunk.flags, 0u, arrayLength(&gaussians) == 0u);
+}
+
 /// Variance added to the diagonal of every 2D covariance, in px^2, so that no splat is thinner than about a
 /// pixel.
 const LOW_PASS: f32 = 0.3;
@@ -50,7 +56,7 @@ fn project(gaussian: PackedGaussian) -> Projected {
     );
     let w = dot(chunk.clip_from_view_w, view);
     // Comparisons with NaN are false, so these conditions also cull NaN.
-    let is_clipped = (chunk.flags & UNCLIPPED) == 0u && clip.z > w;
+    let is_clipped = (flags() & UNCLIPPED) == 0u && clip.z > w;
     let in_front = -view.z > chunk.near && w > 0.0 && clip.z >= 0.0 && !is_clipped;
     let least_opacity = max(MIN_ALPHA, chunk.least_opacity);
     if !(in_front && gaussian.opacity >= least_opacity) {
@@ -77,11 +83,11 @@ fn project(gaussian: PackedGaussian) -> Projected {
     let det_before = dot(normal, normal);
     let det = det_before + LOW_PASS * (a + c - LOW_PASS);
     var opacity = gaussian.opacity;
-    if (chunk.flags & (ANTIALIASED | HALF_SIZE)) != 0u {
+    if (flags() & (ANTIALIASED | HALF_SIZE)) != 0u {
         // The sum of a splat is proportional to its opacity and the root of its determinant. It stays as it was
         // before the low-pass (Yu et al., "Mip-Splatting", 2024), or as it is in the whole picture.
         var kept = det_before;
-        if (chunk.flags & ANTIALIASED) == 0u {
+        if (flags() & ANTIALIASED) == 0u {
             kept += HALF_LOW_PASS * (variances.x + variances.y + HALF_LOW_PASS);
         }
         opacity *= sqrt(kept / det);
@@ -102,6 +108,6 @@ fn project(gaussian: PackedGaussian) -> Projected {
     out.splat.y_precision = 1.0 / c;
     out.splat.depth = clip.z / w;
     out.splat.opacity = opacity;
-    out.distance = select(-view.z, length(view.xyz), (chunk.flags & BY_DISTANCE) != 0u);
+    out.distance = select(-view.z, length(view.xyz), (flags() & BY_DISTANCE) != 0u);
     return out;
 }

@@ -8,5 +8,5 @@
 fn shown_opacity(opacity: f32, index: u32) -> f32 {
     let weights = mask[chunk.first_gaussian + index];
     let weight = f32((weights >> chunk.mask_shift) & 0xffu) / 255.0;
-    return opacity * select(1.0 - weight, weight, (chunk.flags & CROPPED) != 0u);
+    return opacity * select(1.0 - weight, weight, (flags() & CROPPED) != 0u);
 }

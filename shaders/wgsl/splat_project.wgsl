@@ -11,7 +11,9 @@ const MAX_COLOR: f32 = 65504.0;
 
 /// The captured color as seen from the camera; mid-gray if the scene has none.
 fn captured_color(index: u32, mean: vec3<f32>) -> vec3<f32> {
-    if chunk.sh_degree == NO_SH {
+    // As for `flags`.
+    let degree = select(chunk.sh_degree, NO_SH, arrayLength(&sh_words) == 0u);
+    if degree == NO_SH {
         return vec3(0.5);
     }
     // Works for both kinds of `eye`: mean - eye, or the direction of parallel rays.
@@ -19,7 +21,7 @@ fn captured_color(index: u32, mean: vec3<f32>) -> vec3<f32> {
     let squared = dot(ray, ray);
     // A Gaussian at the eye has no direction. `select` drops the NaN of 0 times infinity.
     let direction = select(vec3(0.0), ray * inverseSqrt(squared), squared > 0.0);
-    return sh_color(index, chunk.n_gaussians, chunk.sh_degree, direction);
+    return sh_color(index, chunk.n_gaussians, degree, direction);
 }
 
 fn unpacked_color(words: vec2<u32>) -> vec4<f32> {
@@ -30,7 +32,7 @@ fn unpacked_color(words: vec2<u32>) -> vec4<f32> {
 /// captured color.
 fn color(index: u32, mean: vec3<f32>) -> vec3<f32> {
     var own = vec4(0.0);
-    if (chunk.flags & CAPTURED_COLORS) == 0u {
+    if (flags() & CAPTURED_COLORS) == 0u {
         own = unpacked_color(colors[chunk.first_gaussian + index]);
     }
     var rgb = own.rgb;

@@ -57,6 +57,11 @@ struct StrokeSeed {
 @group(1) @binding(1) var<storage, read> words: array<u32>;
 @group(1) @binding(2) var<storage, read> seeds: array<StrokeSeed>;
 
+/// A number of the uniforms that branches depend on, as for `flags` of `splat_footprint`.
+fn hidden(number: u32) -> u32 {
+    return select(number, 0u, arrayLength(&gaussians) == 0u);
+}
+
 /// Larger numbers count as overflow.
 const HUGE: f32 = 1e37;
 
@@ -121,7 +126,7 @@ fn changed_seed(word: u32) -> ChangedSeed {
     let number = word & ((1u << SEED_BITS) - 1u);
     var changed = ChangedSeed(number, OWN_MOTION, vec3(0.0), 1.0, 1.0, 1.0, 0.0, MAX_CHANGES);
     // Without changes, not a step of it.
-    for (var i = 0u; i < uniforms.n_changes; i++) {
+    for (var i = 0u; i < hidden(uniforms.n_changes); i++) {
         if changed.number >= uniforms.changes[i].first {
             changed.number -= uniforms.changes[i].first;
             changed.gain *= uniforms.changes[i].gain;
@@ -161,7 +166,7 @@ fn seed_now(changed: ChangedSeed, seed: StrokeSeed) -> MovedSeed {
         now = turned(now, stroke_of(seed), toward);
     }
     // Without motions, not a step of it: software adapters skip nothing but iterations.
-    for (var i = 0u; i < uniforms.n_motions; i++) {
+    for (var i = 0u; i < hidden(uniforms.n_motions); i++) {
         let is_within =
             changed.number >= uniforms.motions[i].first && changed.number < uniforms.motions[i].end;
         if (changed.motion == OWN_MOTION && is_within) || changed.motion == i {
@@ -215,7 +220,7 @@ fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     let along_y = clamp(dot(across, beside_y) / across_ray, -limit, limit);
 
     // Strokes that are stable on screen have their size from their octave.
-    let stroke_scale = select(uniforms.stroke_scale * changed.stroke_scale, 1.0, uniforms.is_stable > 0u);
+    let stroke_scale = select(uniforms.stroke_scale * changed.stroke_scale, 1.0, hidden(uniforms.is_stable) > 0u);
     let pitch = seed.pitch / stroke_scale * vec2(1.0, unpack2x16float(seed.rotation_z_aspect).y);
     let right = pitch.x * now.right;
     let down = pitch.y * now.down;
@@ -240,7 +245,7 @@ fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
         return none;
     }
     let level = log2(texels) + SHARPER;
-    if uniforms.is_stable > 0u {
+    if hidden(uniforms.is_stable) > 0u {
         let octave = clamp(floor(-level - log2(uniforms.stroke_scale)), FARTHEST, NEAREST) - 1.0;
         let scale = exp2(octave);
         let steps = array(limited(whole_x * scale), limited(whole_y * scale));
@@ -310,7 +315,7 @@ fn splat_strokes(
     }
     let word = words[uniforms.chunk.first_gaussian + index];
     stroke_records[record] = record_of(gaussians[index], word);
-    if uniforms.n_lights > 0u {
+    if hidden(uniforms.n_lights) > 0u {
         relief_records[record] = relief_of(gaussians[index], word);
     }
 }

@@ -14,7 +14,10 @@
 fn splat_tiles_total() {
     let n_tiles = tiles.n_tiles.x * tiles.n_tiles.y;
     var n_entries = 0u;
-    for (var i = 0u; i < (n_tiles + TILES_PER_SEGMENT - 1u) / TILES_PER_SEGMENT; i++) {
+    // Mesa's driver for CPUs compiles a kernel anew at each dispatch if a loop's end depends on uniforms alone. The
+    // length of an array is none.
+    let n_segments = min((n_tiles + TILES_PER_SEGMENT - 1u) / TILES_PER_SEGMENT, arrayLength(&segments));
+    for (var i = 0u; i < n_segments; i++) {
         let n = segments[i];
         segments[i] = n_entries;
         n_entries += n;
