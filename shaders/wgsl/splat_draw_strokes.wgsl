@@ -23,7 +23,7 @@ fn splat_draw_strokes_vertex(
     let splat = unpacked(geometry, color_halves[record]);
     let color = vec4(splat.color, splat.opacity);
     var relief = vec4(0u);
-    if stroke_draw.n_lights > 0u {
+    if hidden(stroke_draw.n_lights) > 0u {
         relief = relief_records[record];
     }
     return Quad(corner_of(splat, corner), geometry, splat.y_precision, color, stroke_records[record], relief);
@@ -33,7 +33,7 @@ fn splat_draw_strokes_vertex(
 fn stroke_detail(strokes: Strokes, d: vec2<f32>) -> vec3<f32> {
     let at = place_at(strokes, d);
     var sum = vec3(0.0);
-    if stroke_draw.is_stable > 0u {
+    if is_stable() {
         for (var octave = 0.0; octave < STABLE_OCTAVES; octave += 1.0) {
             sum += strokes.gains.x * fine_octave(strokes, at, octave);
             sum += strokes.gains.y * wide_octave(strokes, at, octave);
@@ -66,9 +66,9 @@ fn splat_draw_strokes_fragment(quad: Quad) -> @location(0) vec4<f32> {
     if alpha >= LEAST_ALPHA && has_strokes(quad.strokes) {
         let strokes = unpacked_strokes(quad.strokes);
         rgb += stroke_detail(strokes, d);
-        if stroke_draw.n_lights > 0u {
+        if hidden(stroke_draw.n_lights) > 0u {
             let relief = unpacked_relief(quad.relief);
-            let n_octaves = select(1.0, STABLE_OCTAVES, stroke_draw.is_stable > 0u);
+            let n_octaves = select(1.0, STABLE_OCTAVES, is_stable());
             for (var octave = 0.0; octave < n_octaves; octave += 1.0) {
                 rgb += lit(strokes, relief, place_at(strokes, d), octave, quad.color.rgb);
             }

@@ -87,6 +87,11 @@ struct SplatLight {
 @group(0) @binding(6) var curve_table: texture_3d<f32>;
 @group(0) @binding(7) var table_sampler: sampler;
 
+/// A number of the uniforms that branches depend on, as for `flags` of `splat_footprint`.
+fn hidden(number: u32) -> u32 {
+    return select(number, 0u, arrayLength(&color_halves) == 0u);
+}
+
 /// One of the `MODE_` constants: how the tone mapping is undone.
 override mode: u32;
 /// One of the `CURVE_` constants: a tone mapping that takes a table to be undone.
@@ -128,7 +133,7 @@ fn air_along(ray: vec3<f32>) -> Air {
     let distance = length(ray);
     let direction = ray / max(distance, 1e-20);
     var color = light.fog_color;
-    for (var i = 0u; i < light.n_suns; i++) {
+    for (var i = 0u; i < hidden(light.n_suns); i++) {
         let cosine = dot(direction, light.suns[i].direction);
         // Powers of 0 are undefined.
         let share = select(0.0, pow(max(cosine, 1e-6), light.exponent), cosine > 0.0);
@@ -192,7 +197,7 @@ fn find_tint(point: vec3<f32>) {
     tint_red = light.tint_red.xyz;
     tint_green = light.tint_green.xyz;
     tint_blue = light.tint_blue.xyz;
-    for (var i = 0u; i < light.n_volumes; i++) {
+    for (var i = 0u; i < hidden(light.n_volumes); i++) {
         let weight = volume_weight(i, point);
         let below = mat3x3(tint_red, tint_green, tint_blue);
         // Rows of a product are products of rows.
@@ -252,7 +257,7 @@ fn splat_light(
     // WGSL leaves packing of larger numbers to f16 undefined.
     splat.color = clamp(lit(before, air), vec3(-MAX_COLOR), vec3(MAX_COLOR));
     color_halves[record] = packed_color(splat);
-    if light.has_strokes > 0u {
+    if hidden(light.has_strokes) > 0u {
         stroke_records[record] = with_gains(stroke_records[record], contrast(before, air));
     }
 }

@@ -15,6 +15,16 @@ struct StrokeDraw {
 @group(1) @binding(0) var<uniform> stroke_draw: StrokeDraw;
 /// One for each record; all zero for a splat without strokes.
 @group(1) @binding(1) var<storage, read> stroke_records: array<vec4<u32>>;
+
+/// A number of the uniforms that branches depend on, as for `flags` of `splat_footprint`.
+fn hidden(number: u32) -> u32 {
+    return select(number, 0u, arrayLength(&stroke_records) == 0u);
+}
+
+/// Whether strokes keep their size on screen.
+fn is_stable() -> bool {
+    return hidden(stroke_draw.is_stable) > 0u;
+}
 @group(1) @binding(2) var fine_detail: texture_2d_array<f32>;
 @group(1) @binding(3) var wide_detail: texture_2d_array<f32>;
 @group(1) @binding(4) var mirrored: sampler;
@@ -61,7 +71,7 @@ fn place_at(strokes: Strokes, d: vec2<f32>) -> vec2<f32> {
 fn n_octaves_of(strokes: Strokes) -> f32 {
     let n = clamp(ceil(0.6 - strokes.level) - 1.0, 0.0, MOST_OCTAVES);
     let n_finer = select(0.0, n, strokes.gains.x > 0.0 && stroke_draw.near > 0.0);
-    return select(n_finer, STABLE_OCTAVES - 1.0, stroke_draw.is_stable > 0u);
+    return select(n_finer, STABLE_OCTAVES - 1.0, is_stable());
 }
 
 /// The share of an octave of strokes that are stable on screen: see `stylegaussian::strokes::stable_shares`.
@@ -81,7 +91,7 @@ fn fine_octave(strokes: Strokes, at: vec2<f32>, octave: f32) -> vec3<f32> {
     if octave > 0.0 {
         share = clamp((0.6 - strokes.level - octave) / 0.8, 0.0, 1.0) * pow(stroke_draw.near, octave);
     }
-    if stroke_draw.is_stable > 0u {
+    if is_stable() {
         share = stable_share(strokes, octave);
     }
     return share * detail;
@@ -92,7 +102,7 @@ fn wide_octave(strokes: Strokes, at: vec2<f32>, octave: f32) -> vec3<f32> {
     var share = select(0.0, 1.0, octave == 0.0);
     var place = at;
     var level = strokes.level - WIDE_LEVEL;
-    if stroke_draw.is_stable > 0u {
+    if is_stable() {
         share = stable_share(strokes, octave);
         place = at * exp2(octave);
         level += octave;

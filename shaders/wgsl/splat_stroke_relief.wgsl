@@ -64,7 +64,7 @@ fn shade(relief: Relief, gradient: vec2<f32>, color: vec3<f32>) -> vec3<f32> {
 /// The change of a splat's color by light at a place in the painting: on its own octave, or on one of those
 /// that are stable on screen.
 fn lit(strokes: Strokes, relief: Relief, at: vec2<f32>, octave: f32, color: vec3<f32>) -> vec3<f32> {
-    let share = select(1.0, stable_share(strokes, octave), stroke_draw.is_stable > 0u);
+    let share = select(1.0, stable_share(strokes, octave), is_stable());
     let gradient = gradient_at(strokes, at * exp2(octave), strokes.level + octave);
     return shade(relief, share * strokes.gains.x * gradient, color);
 }

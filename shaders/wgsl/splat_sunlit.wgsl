@@ -58,10 +58,10 @@ struct SplatShadows {
 /// The share of the sun's light that reaches a point of view space.
 fn sunlight(point: vec3<f32>) -> f32 {
     var i = 0u;
-    while i < shadows.n_cascades && -point.z >= shadows.cascades[i].far {
+    while i < hidden(shadows.n_cascades) && -point.z >= shadows.cascades[i].far {
         i++;
     }
-    if i >= shadows.n_cascades {
+    if i >= hidden(shadows.n_cascades) {
         return 1.0;
     }
     let at = point + shadows.cascades[i].offset;
@@ -114,7 +114,7 @@ fn lost_to(lamp: ShadowLamp, point: vec3<f32>) -> f32 {
 /// The share of its light that a splat at a point of view space keeps, which loses `amount` in shadow.
 fn shade_at(point: vec3<f32>, amount: f32) -> f32 {
     var shade = 1.0 - amount * (1.0 - sunlight(point));
-    for (var i = 0u; i < shadows.n_lamps; i++) {
+    for (var i = 0u; i < hidden(shadows.n_lamps); i++) {
         shade *= 1.0 - amount * lost_to(shadows.lamps[i], point);
     }
     return shade;

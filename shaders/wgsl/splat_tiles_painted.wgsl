@@ -66,7 +66,7 @@ fn paint(queue: ptr<function, Queue>, detail: ptr<function, array<vec3<f32>, 16>
         sum += strokes.gains.y * wide_octave(strokes, at, octave);
         (*detail)[pixel] += weight * sum;
         // Light comes with the first octave, or with each of those that are stable on screen.
-        let n_lights = select(0u, stroke_draw.n_lights, octave == 0.0 || stroke_draw.is_stable > 0u);
+        let n_lights = select(0u, hidden(stroke_draw.n_lights), octave == 0.0 || is_stable());
         for (var light = 0u; light < n_lights; light++) {
             let splat = unpacked(geometry_halves[record], color_halves[record]);
             let relief = unpacked_relief(relief_records[record]);
