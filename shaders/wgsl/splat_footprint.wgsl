@@ -7,8 +7,8 @@
 
 @group(1) @binding(0) var<storage, read> gaussians: array<PackedGaussian>;
 
-/// The chunk's flags. Mesa's driver for CPUs specializes a kernel at each dispatch if branches depend on uniforms
-/// alone, which takes longer than the kernel. To it, the length of an array is no uniform.
+/// The chunk's flags. Mesa's driver for CPUs specializes a kernel at each dispatch if branches depend on
+/// uniforms alone, which takes longer than the kernel. To it, the length of an array is no uniform.
 fn flags() -> u32 {
     return select(chunk.flags, 0u, arrayLength(&gaussians) == 0u);
 }

@@ -220,7 +220,8 @@ fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
     let along_y = clamp(dot(across, beside_y) / across_ray, -limit, limit);
 
     // Strokes that are stable on screen have their size from their octave.
-    let stroke_scale = select(uniforms.stroke_scale * changed.stroke_scale, 1.0, hidden(uniforms.is_stable) > 0u);
+    let is_stable = hidden(uniforms.is_stable) > 0u;
+    let stroke_scale = select(uniforms.stroke_scale * changed.stroke_scale, 1.0, is_stable);
     let pitch = seed.pitch / stroke_scale * vec2(1.0, unpack2x16float(seed.rotation_z_aspect).y);
     let right = pitch.x * now.right;
     let down = pitch.y * now.down;
@@ -245,7 +246,7 @@ fn record_of(gaussian: PackedGaussian, word: u32) -> vec4<u32> {
         return none;
     }
     let level = log2(texels) + SHARPER;
-    if hidden(uniforms.is_stable) > 0u {
+    if is_stable {
         let octave = clamp(floor(-level - log2(uniforms.stroke_scale)), FARTHEST, NEAREST) - 1.0;
         let scale = exp2(octave);
         let steps = array(limited(whole_x * scale), limited(whole_y * scale));

@@ -14,8 +14,7 @@
 fn splat_tiles_total() {
     let n_tiles = tiles.n_tiles.x * tiles.n_tiles.y;
     var n_entries = 0u;
-    // Mesa's driver for CPUs compiles a kernel anew at each dispatch if a loop's end depends on uniforms alone. The
-    // length of an array is none.
+    // The length of an array is no uniform, as for `flags` of `splat_footprint`.
     let n_segments = min((n_tiles + TILES_PER_SEGMENT - 1u) / TILES_PER_SEGMENT, arrayLength(&segments));
     for (var i = 0u; i < n_segments; i++) {
         let n = segments[i];
