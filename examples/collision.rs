@@ -107,7 +107,7 @@ fn find_solids(
         let (scale, rotation, _) = place.to_scale_rotation_translation();
         let voxels = Voxels::new(scene.scene(), &VoxelSettings { size: VOXEL / scale.x, ..default() })?;
         let solid = |min: Vec3, max: Vec3| {
-            // Turned by half a turn at most, a box is one along the axes.
+            // The only turn is half a turn, after which a box still lies along the axes.
             let half = (rotation * (0.5 * scale * (max - min))).abs();
             Aabb3d::new(place.transform_point(0.5 * (min + max)), half)
         };

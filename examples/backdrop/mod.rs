@@ -5,7 +5,7 @@ use bevy::{
 };
 
 /// Radius of the sphere in scene units, larger than everything in the examples.
-const RADIUS: f32 = 400.0;
+pub const RADIUS: f32 = 400.0;
 
 /// sRGB colors by height on the unit sphere, from -1 (down) to 1 (up).
 const FADE: [(f32, Vec3); 5] = [
@@ -29,7 +29,7 @@ pub fn spawn(
     // Seen from inside, so back faces must not be culled.
     let material = StandardMaterial { unlit: true, fog_enabled: false, cull_mode: None, ..default() };
     let (mesh, material) = (Mesh3d(meshes.add(mesh)), MeshMaterial3d(materials.add(material)));
-    // Suns are outside of it.
+    // Suns shine from outside of it, and its shadow would fall on everything.
     commands.spawn((mesh, material, NoFrustumCulling, NotShadowCaster));
 }
 

@@ -90,7 +90,7 @@ const OVER_IDLE: f64 = 4.0;
 /// Bytes of a megabyte.
 const MB: f64 = 1e6;
 
-/// What the frames of a flight took and showed.
+/// Measurements of the frames of a flight.
 #[derive(Default)]
 struct Flown {
     /// Main-thread times of a world that stands still, in milliseconds.
@@ -114,7 +114,7 @@ struct Flown {
     n_unpainted: usize,
 }
 
-/// What is compared with the flight.
+/// Measurements of a fixed scene, which the flight is compared with.
 #[derive(Default)]
 struct Fixed {
     n_gaussians: usize,

@@ -54,7 +54,7 @@ pub struct Stage {
     size: UVec2,
 }
 
-/// What a frame took, in milliseconds.
+/// Times of a frame, in milliseconds.
 #[derive(Clone, Copy, Default)]
 pub struct Times {
     /// From its begin until the GPU has drawn it.

@@ -97,7 +97,7 @@ pub struct Studio {
     scene: Handle<GaussianScene>,
     sky: Entity,
     out: PathBuf,
-    /// What the current picture shows.
+    /// Entities of the current picture.
     spawned: Vec<Entity>,
 }
 

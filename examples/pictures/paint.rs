@@ -10,14 +10,14 @@ use bevy_stylegaussian::{
     style::{StyleMotion, StyleRelief},
 };
 
-use super::{EYE, MIDDLE, Studio, beside, grid};
+use super::{EYE, MIDDLE, Studio, backdrop, beside, grid};
 
 /// A place from which strokes are seen one by one, and what is looked at.
 const NEAR: Vec3 = Vec3::new(0.4, 1.9, 5.2);
 const HOUSE: Vec3 = Vec3::new(-0.5, 0.6, 0.0);
 
 /// Radius of the sky over the usual distance of the camera: its strokes are as large on screen.
-const SKY: f32 = 400.0 / 10.0;
+const SKY: f32 = backdrop::RADIUS / 10.0;
 
 /// The style that most pictures show.
 fn strokes(studio: &Studio) -> StyleSource {

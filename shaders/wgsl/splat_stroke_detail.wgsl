@@ -15,6 +15,9 @@ struct StrokeDraw {
 @group(1) @binding(0) var<uniform> stroke_draw: StrokeDraw;
 /// One for each record; all zero for a splat without strokes.
 @group(1) @binding(1) var<storage, read> stroke_records: array<vec4<u32>>;
+@group(1) @binding(2) var fine_detail: texture_2d_array<f32>;
+@group(1) @binding(3) var wide_detail: texture_2d_array<f32>;
+@group(1) @binding(4) var mirrored: sampler;
 
 /// A number of the uniforms that branches depend on, as for `flags` of `splat_footprint`.
 fn hidden(number: u32) -> u32 {
@@ -25,9 +28,6 @@ fn hidden(number: u32) -> u32 {
 fn is_stable() -> bool {
     return hidden(stroke_draw.is_stable) > 0u;
 }
-@group(1) @binding(2) var fine_detail: texture_2d_array<f32>;
-@group(1) @binding(3) var wide_detail: texture_2d_array<f32>;
-@group(1) @binding(4) var mirrored: sampler;
 
 /// The affine map from a splat's pixels to a painting.
 struct Strokes {

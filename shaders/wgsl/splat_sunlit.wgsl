@@ -57,11 +57,12 @@ struct SplatShadows {
 
 /// The share of the sun's light that reaches a point of view space.
 fn sunlight(point: vec3<f32>) -> f32 {
+    let n_cascades = hidden(shadows.n_cascades);
     var i = 0u;
-    while i < hidden(shadows.n_cascades) && -point.z >= shadows.cascades[i].far {
+    while i < n_cascades && -point.z >= shadows.cascades[i].far {
         i++;
     }
-    if i >= hidden(shadows.n_cascades) {
+    if i >= n_cascades {
         return 1.0;
     }
     let at = point + shadows.cascades[i].offset;

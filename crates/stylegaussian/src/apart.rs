@@ -49,8 +49,8 @@ pub enum Call<'a> {
 pub struct Laying<'a> {
     /// The number of the surface.
     pub surface: u32,
-    /// The number of the surface that this one is a part of: paint is as it is there, in the same style. What
-    /// was laid on there before in another style is laid on anew.
+    /// The number of the surface that this one is a part of, if it is one. It is painted as the whole is. The
+    /// whole is painted in this style first, unless this style was the last one there.
     pub whole: Option<u32>,
     /// Numbers and weights of the canvases.
     pub paintings: &'a [(u32, f64)],

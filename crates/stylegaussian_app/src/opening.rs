@@ -100,8 +100,8 @@ impl Framing {
     }
 }
 
-/// The first of these places at which a share of all Gaussians lies there or below. Places come with their
-/// Gaussians.
+/// The lowest of these places that has at least a `share` of all Gaussians at it or below it. Each place comes
+/// with its number of Gaussians.
 fn place_above(mut places: Vec<(f32, usize)>, share: f64) -> f32 {
     places.sort_by(|(a, _), (b, _)| a.total_cmp(b));
     let total: usize = places.iter().map(|(_, count)| count).sum();

@@ -7,7 +7,7 @@ use stylegaussian_gpu::{
     colors::GaussianColors,
     splat::{
         Camera, Cloud, CloudColors, Composite, CompositeInput, CompositeMode, CompositePipeline, GpuScene,
-        LAYER_FORMAT, Layer, SplatPass, SplatPipeline, SplatSettings, SplatView,
+        Layer, SplatPass, SplatPipeline, SplatSettings, SplatView,
     },
 };
 
@@ -103,7 +103,7 @@ impl<'a> Stage<'a> {
         const TARGET: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
         let device = &gpu.device;
         let (pass, composite) = (SplatPass::new(device), Composite::new(device));
-        let layer = texture(device, picture, LAYER_FORMAT, pass.layer_usages());
+        let layer = pass.layer(device, picture.into());
         let target = texture(device, picture, TARGET, wgpu::TextureUsages::COPY_SRC);
         Self {
             gpu,

@@ -1,4 +1,4 @@
-//! What light costs: frames of the splat pass with one of its features, and with several, in turns with plain
+//! Costs of light: frames of the splat pass with one of its features, and with several, in turns with plain
 //! ones.
 
 use anyhow::Result;
@@ -6,8 +6,8 @@ use glam::{Affine3A, Mat4, UVec2, UVec4, Vec3};
 use stylegaussian::light::{Falloff, Fog, ShadowCascade, Tint};
 use stylegaussian_gpu::splat::{
     Camera, CastView, Caster, Cloud, CloudColors, Composite, CompositeInput, CompositeMode,
-    CompositePipeline, GpuScene, IsoDepth, LAYER_FORMAT, Layer, SHADOW_FORMAT, Shadows, SplatPass,
-    SplatPipeline, SplatSettings, SplatView, ViewLight,
+    CompositePipeline, GpuScene, IsoDepth, Layer, SHADOW_FORMAT, Shadows, SplatPass, SplatPipeline,
+    SplatSettings, SplatView, ViewLight,
 };
 use wgpu::TextureFormat::Depth32Float;
 
@@ -86,7 +86,7 @@ impl<'a> Stage<'a> {
     fn new(gpu: &'a Gpu) -> Result<Self> {
         let device = &gpu.device;
         let (pass, composite) = (SplatPass::new(device), Composite::new(device));
-        let layer = picture(device, LAYER_FORMAT, 1, pass.layer_usages());
+        let layer = pass.layer(device, UVec2::splat(SIZE));
         Ok(Self {
             gpu,
             scene: GpuScene::new(device, &scenes::structured(N))?,
@@ -94,7 +94,7 @@ impl<'a> Stage<'a> {
             over: composite.pipeline(device, TARGET, 1, CompositeMode::LinearFromSrgb),
             input: composite.bind(device, &layer, None),
             depth: depth_of_meshes(gpu, 1),
-            target: picture(device, TARGET, 1, wgpu::TextureUsages::empty()),
+            target: picture(device, TARGET, 1),
             pass,
             composite,
             layer,
@@ -179,7 +179,7 @@ fn msaa<'a>(stage: &'a Stage<'a>) -> impl FnMut() -> Result<f64> + 'a {
     let Gpu { device, queue, .. } = stage.gpu;
     let layers = stage.pass.edge_layers(device, UVec2::splat(SIZE));
     let depth = depth_of_meshes(stage.gpu, SAMPLES);
-    let target = picture(device, TARGET, SAMPLES, wgpu::TextureUsages::empty());
+    let target = picture(device, TARGET, SAMPLES);
     let mode = CompositeMode::LinearFromSrgb;
     let over = stage.composite.edge_pipeline(device, TARGET, [SAMPLES; 2], mode);
     let input = stage.composite.bind_edges(device, &layers, None);
@@ -246,7 +246,7 @@ struct Map {
 
 impl Map {
     fn new(gpu: &Gpu) -> Self {
-        let texture = texture(&gpu.device, [MAP_SIZE, 1], SHADOW_FORMAT, 1, wgpu::TextureUsages::empty());
+        let texture = texture(&gpu.device, [MAP_SIZE, 1], SHADOW_FORMAT, 1);
         let view_from_world = Affine3A::look_at_rh(Vec3::new(2.0, 9.0, 3.0), Vec3::ZERO, Vec3::Y);
         let camera = Camera {
             world_from_view: view_from_world.inverse(),
@@ -281,7 +281,7 @@ impl Map {
             let descriptor = wgpu::TextureViewDescriptor { dimension: Some(dimension), ..Default::default() };
             texture.create_view(&descriptor)
         };
-        let no_cubes = texture(device, [1, 6], SHADOW_FORMAT, 1, wgpu::TextureUsages::empty());
+        let no_cubes = texture(device, [1, 6], SHADOW_FORMAT, 1);
         let clip_from_point = self.camera.clip_from_view * Mat4::from(self.camera.world_from_view.inverse());
         Shadows {
             maps: view(&self.texture, wgpu::TextureViewDimension::D2Array),
@@ -333,7 +333,7 @@ fn all<'a>(stage: &'a Stage<'a>) -> Result<impl FnMut() -> Result<f64> + 'a> {
         shadow_amounts: vec![0.5],
         ..ViewLight::default()
     }));
-    let written = picture(device, Depth32Float, 1, wgpu::TextureUsages::empty());
+    let written = picture(device, Depth32Float, 1);
     let write = stage.pass.depth_pipeline(device, 1, Depth32Float);
     let (mut iso, mut frame) = (IsoDepth::default(), 0);
     Ok(move || {
@@ -364,7 +364,7 @@ fn depth_pass<'a>(encoder: &'a mut wgpu::CommandEncoder, depth: &wgpu::TextureVi
 /// The depth that the meshes leave, with so many samples per pixel.
 fn depth_of_meshes(gpu: &Gpu, samples: u32) -> wgpu::TextureView {
     let device = &gpu.device;
-    let depth = picture(device, Depth32Float, samples, wgpu::TextureUsages::empty());
+    let depth = picture(device, Depth32Float, samples);
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
         source: wgpu::ShaderSource::Wgsl(MESH.into()),
@@ -401,13 +401,8 @@ fn depth_of_meshes(gpu: &Gpu, samples: u32) -> wgpu::TextureView {
 }
 
 /// A texture of the picture's size.
-fn picture(
-    device: &wgpu::Device,
-    format: wgpu::TextureFormat,
-    samples: u32,
-    more: wgpu::TextureUsages,
-) -> wgpu::TextureView {
-    texture(device, [SIZE, 1], format, samples, more).create_view(&wgpu::TextureViewDescriptor::default())
+fn picture(device: &wgpu::Device, format: wgpu::TextureFormat, samples: u32) -> wgpu::TextureView {
+    texture(device, [SIZE, 1], format, samples).create_view(&wgpu::TextureViewDescriptor::default())
 }
 
 /// A square texture with layers that can be drawn to and bound.
@@ -416,7 +411,6 @@ fn texture(
     [side, n_layers]: [u32; 2],
     format: wgpu::TextureFormat,
     samples: u32,
-    more: wgpu::TextureUsages,
 ) -> wgpu::Texture {
     device.create_texture(&wgpu::TextureDescriptor {
         label: None,
@@ -425,7 +419,7 @@ fn texture(
         sample_count: samples,
         dimension: wgpu::TextureDimension::D2,
         format,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING | more,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
         view_formats: &[],
     })
 }

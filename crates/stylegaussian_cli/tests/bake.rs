@@ -184,7 +184,7 @@ fn the_chunks_of_a_world_are_baked_one_by_one() {
     let bench = bench();
     let [scene, world, painting] = ["a.sgs", "world", "p.png"].map(|name| bench.path(name));
     stylegaussian(&["tile", &scene, "-o", &world, "--levels", "2", "--chunk", "256"]).expect_success();
-    let levels = World::read(&fs::read(Path::new(&world).join(FILE)).unwrap()).unwrap();
+    let levels = World::open(&Path::new(&world).join(FILE)).unwrap();
     assert!(levels.nodes.len() >= 16 && levels.files.len() >= 4, "{:?}", levels.files);
     let bake = |chunk: &str, more: &[&str]| {
         let output = bench.path(&look_of(chunk));

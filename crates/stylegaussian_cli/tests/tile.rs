@@ -17,7 +17,7 @@ fn a_world_is_made_once_and_opens_everywhere() {
     let arguments = ["tile", &scene, &scene, "-o", &output, "--levels", "3", "--chunk", "64", "--json"];
     let json = stylegaussian(&arguments).expect_success().json();
     let n = read_scene(scene.as_ref()).unwrap().scene.len() as u64;
-    let world = World::read(&fs::read(format!("{output}/lod-meta.json")).unwrap()).unwrap();
+    let world = World::open(format!("{output}/lod-meta.json").as_ref()).unwrap();
     assert_eq!(json["n_gaussians"][0], 2 * n);
     assert_eq!((world.count(0), world.n_levels), (2 * n, 3));
     let told = stylegaussian(&["info", &output, "--json"]).expect_success().json();

@@ -10,7 +10,6 @@ use glam::Vec3;
 use stylegaussian::Scene;
 
 use crate::{
-    bytes::read_bytes,
     error::{FileError, mismatch},
     read_scene,
     tile::append,
@@ -30,7 +29,7 @@ const OUTSIDE: f64 = 0.01;
 pub struct Part {
     /// The chunk, as it is read alone.
     pub chunk: Scene,
-    /// The chunk's Gaussians `[chunk.len()]`, and after them those around it, of the same level where there is
+    /// The chunk's Gaussians `[chunk.len()]`, and after them those around it, of the same level if there is
     /// one. It is its own source.
     pub with_halo: Scene,
     /// Warnings of readers, one sentence each.
@@ -103,7 +102,7 @@ pub fn read_coarsest(path: &Path) -> Result<(Scene, Vec<String>), FileError> {
 /// The world at a path, and the path of its `lod-meta.json`.
 fn open(path: &Path) -> Result<(PathBuf, World), FileError> {
     let path = if path.is_dir() { path.join(FILE) } else { path.into() };
-    let world = World::read(&read_bytes(&path)?).map_err(|mismatch| mismatch.at(&path))?;
+    let world = World::open(&path)?;
     Ok((path, world))
 }
 

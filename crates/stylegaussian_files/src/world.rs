@@ -186,8 +186,8 @@ impl World {
         runs.map(|run| run.range.len() as u64).sum()
     }
 
-    /// The world with each node at one level alone: `levels` `[nodes]`. Nodes are left out that have none, or
-    /// no Gaussians of their own there.
+    /// The world with each node at one level alone: `levels` `[nodes]`. A node without a level, or without
+    /// Gaussians of its own at that level, is left out.
     pub fn only(&self, levels: &[Option<usize>]) -> Self {
         let at_level = |(node, level): (&Node, &Option<usize>)| {
             let level = (*level)?;

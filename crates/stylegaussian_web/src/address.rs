@@ -7,10 +7,10 @@ use bevy::prelude::*;
 /// The source of the assets that lie at an address.
 const SOURCE: &str = "address";
 
-/// The files that were asked for. Paths of assets begin with the number of theirs.
+/// The files that were asked for. The path of an asset begins with the index of its file.
 static FILES: Mutex<Vec<File>> = Mutex::new(Vec::new());
 
-/// A file at an address, which may be signed or of a version. What lies beside it is without that.
+/// A file at an address. Its query may hold a signature or a version, and files beside it have no query.
 #[derive(PartialEq, Eq)]
 struct File {
     folder: String,

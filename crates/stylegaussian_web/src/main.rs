@@ -84,8 +84,8 @@ fn main() -> AppExit {
                 .chain(),
         )
         .add_systems(PostUpdate, (place_camera.before(TransformSystems::Propagate), camera::note).chain())
-        .add_observer(bridge::tell_failed_scene)
         .add_systems(Last, world::follow)
+        .add_observer(bridge::tell_failed_scene)
         .add_observer(bridge::tell_shown)
         .add_observer(world::tell_failed)
         .add_observer(bridge::tell_applied)

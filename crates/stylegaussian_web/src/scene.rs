@@ -25,7 +25,7 @@ const NO_WORKER: &str =
     "this page has no worker, which embedding needs; `stylegaussian embed` does it outside of a browser";
 
 /// Why a world cannot be embedded.
-const IS_WORLD: &str = "a world is larger than the page can embed; open a single scene for it";
+const IS_WORLD: &str = "a world is larger than the page can embed; open a single scene to embed it";
 
 /// The scene or the world that is coming.
 #[derive(Default)]

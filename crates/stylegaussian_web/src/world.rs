@@ -53,7 +53,7 @@ pub fn set_budget(mut requests: MessageReader<Request>, mut budget: ResMut<Gauss
     }
 }
 
-/// What was told of a world since it was opened.
+/// Events that were told of a world since it was opened.
 #[derive(Default)]
 pub struct Told {
     /// Whether all of it was seen once.

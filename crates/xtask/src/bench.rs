@@ -3,6 +3,7 @@
 use anyhow::Result;
 
 use crate::{
+    demo::example,
     packages::install_graphics,
     steps::{Steps, cargo},
 };
@@ -25,5 +26,5 @@ pub fn world(arguments: &[String]) -> Result<()> {
 pub fn fly(arguments: &[String]) -> Result<()> {
     let mut steps = Steps::default();
     install_graphics(&mut steps, false)?;
-    steps.run("fly", cargo(["run", "--release", "--locked", "--example", "fly", "--"]).args(arguments))
+    steps.run("fly", example("fly").args(arguments))
 }

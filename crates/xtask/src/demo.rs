@@ -45,7 +45,7 @@ pub fn pictures() -> Result<()> {
 }
 
 /// An example of the workspace, as a release build.
-fn example(name: &str) -> Command {
+pub fn example(name: &str) -> Command {
     cargo(["run", "--release", "--locked", "--example", name, "--"])
 }
 

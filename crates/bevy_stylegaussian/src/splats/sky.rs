@@ -14,9 +14,9 @@ use bevy::{
 use super::pass::draw_splats;
 
 /// Orders `drawing`, the set of what draws splats, after everything that comes between opaque and transparent
-/// meshes, such as the sky of Bevy's `Atmosphere`: where a pixel has no depth, it adds its light to whatever is
-/// there. That system has no public name, so it is found by its place in the schedule, once plugins have added
-/// theirs.
+/// meshes, such as the sky of Bevy's `Atmosphere`. If a pixel has no depth, the sky adds its light to whatever
+/// color is there. The sky's system has no public name, so it is found by its place in the schedule, once
+/// plugins have added theirs.
 pub(super) fn draw_over(render_app: &mut SubApp, drawing: InternedSystemSet) {
     let mut schedules = render_app.world_mut().resource_mut::<Schedules>();
     let Some(schedule) = schedules.get_mut(Core3d) else { return };

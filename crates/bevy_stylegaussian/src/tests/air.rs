@@ -209,8 +209,7 @@ fn the_sky_of_an_atmosphere_is_behind_splats() {
         return;
     }
     let camera = studio.camera(EYE, (Msaa::Off, Tonemapping::Reinhard, Hdr, DebandDither::Disabled));
-    // As bright as the sun is outside of the atmosphere.
-    let sun = DirectionalLight { illuminance: 130_000.0, ..default() };
+    let sun = DirectionalLight { illuminance: light_consts::lux::RAW_SUNLIGHT, ..default() };
     let above = Transform::from_xyz(1.0, 4.0, 2.0).looking_at(Vec3::ZERO, Vec3::Y);
     studio.app.world_mut().spawn((sun, above));
     studio.splats(solid(Vec3::ZERO, RED), Transform::default());

@@ -14,7 +14,8 @@ const BYTES: u64 = 265;
 /// On a card with memory of its own: 0.54 GB of it, an eighth of 4 GB.
 const ON_CARD: usize = 3_000_000;
 
-/// Share of main memory where the GPU has no other, which it leaves to everything else.
+/// Main memory is so many times what worlds take of it, if the GPU has no other. The rest is for everything
+/// else.
 const SHARE_OF_MEMORY: u64 = 32;
 
 /// Main memory of a machine that does not tell it.
@@ -23,7 +24,7 @@ const USUAL_MEMORY: u64 = 8 << 30;
 /// The fewest on any GPU: what little memory lets through is still a picture.
 const FEWEST: usize = 100_000;
 
-/// On a CPU that draws, where time is short and memory is not.
+/// On a CPU that draws: time is short there, and memory is not.
 const ON_CPU: usize = 250_000;
 
 /// In a browser, whose page has 4 GB at most, and which ends pages earlier on a phone: 0.27 GB of them.
@@ -58,7 +59,8 @@ pub struct GaussianBudget {
     pub gaussians: usize,
     /// The most Gaussians of files that are being read at a time. One file is always read, whatever its size.
     pub in_flight: usize,
-    /// The most Gaussians that are handed to the GPU in a frame. One part always is, whatever its size.
+    /// The most Gaussians that are handed to the GPU in a frame. A part counts as 4096 of them at least. One
+    /// part always is, whatever its size.
     pub per_frame: usize,
 }
 
@@ -78,7 +80,7 @@ impl Default for GaussianBudget {
     }
 }
 
-/// What is known of a machine.
+/// Facts of a machine that its budget follows from.
 #[derive(Clone, Copy, Debug)]
 struct Machine {
     device_type: DeviceType,
@@ -104,7 +106,7 @@ impl Machine {
     }
 }
 
-/// A number that may be too large for memory to have so many of anything.
+/// The number as a `usize`, or the largest one if it does not fit.
 fn whole(n: u64) -> usize {
     usize::try_from(n).unwrap_or(usize::MAX)
 }
@@ -132,7 +134,7 @@ pub(super) fn insert_usual_budget(
     commands.insert_resource(machine.map_or_else(GaussianBudget::default, |machine| machine.budget()));
 }
 
-/// Bytes of main memory, where the system tells them.
+/// Bytes of main memory, if the system tells them.
 fn main_memory() -> Option<u64> {
     if !cfg!(any(target_os = "linux", target_os = "android")) {
         return None;

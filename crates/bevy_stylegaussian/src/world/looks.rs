@@ -54,12 +54,18 @@ struct ChunkLook {
     /// The look and the chunk that it was read for, which are only compared for identity.
     look: Weak<Look>,
     chunk: Weak<Scene>,
-    /// The look in the order of the chunk, once a task has needed it. There are thousands of runs of a coarse
-    /// chunk, and each of them costs what it has.
+    /// The look in the order of the chunk, once a task has needed it. A coarse chunk has thousands of runs. So
+    /// a run costs as much as its own Gaussians, and not as much as the chunk.
     ordered: OnceLock<Result<OrderedLook, String>>,
 }
 
 impl ChunkLook {
+    /// The look of a chunk that no run has yet.
+    fn new(handle: Handle<StyleLook>, look: &Arc<Look>, chunk: &Arc<Scene>) -> Self {
+        let (look, chunk) = (Arc::downgrade(look), Arc::downgrade(chunk));
+        Self { handle, look, chunk, ordered: OnceLock::new() }
+    }
+
     fn is_of(&self, look: &Arc<Look>, chunk: &Arc<Scene>) -> bool {
         ptr::eq(self.look.as_ptr(), Arc::as_ptr(look)) && ptr::eq(self.chunk.as_ptr(), Arc::as_ptr(chunk))
     }
@@ -101,7 +107,7 @@ impl Textures {
     }
 }
 
-/// What a run has of its world's looks of chunks.
+/// The look of a run, as far as it is there.
 pub(super) enum Given<'a> {
     /// The look, or `None` if the style of the world has no such looks.
     There(Option<&'a Handle<StyleLook>>),
@@ -112,7 +118,7 @@ pub(super) enum Given<'a> {
 }
 
 impl<'a> Given<'a> {
-    /// What a run with this look has of those that `source` names.
+    /// Tells whether a run has the look that `source` names for it.
     pub(super) fn of(source: &StyleSource, look: Option<&'a RunLook>) -> Self {
         let Some(folder) = source.folder_of_looks() else { return Self::There(None) };
         match look.filter(|look| look.folder == folder).map(|look| &look.stage) {
@@ -206,7 +212,7 @@ impl Sources<'_, '_> {
         Some(Stage::Reading { place, chunk, of_chunk: self.server.load(look) })
     }
 
-    /// That of a look and its chunk, which all runs of the chunk have in common.
+    /// The look of a chunk as all of its runs share it: the known one, or a new one.
     fn of_chunk(
         &mut self,
         handle: &Handle<StyleLook>,
@@ -216,12 +222,7 @@ impl Sources<'_, '_> {
         self.of_chunks.retain(|known| known.strong_count() > 0);
         let found = self.of_chunks.iter().filter_map(Weak::upgrade).find(|known| known.is_of(look, chunk));
         found.unwrap_or_else(|| {
-            let new = Arc::new(ChunkLook {
-                handle: handle.clone(),
-                look: Arc::downgrade(look),
-                chunk: Arc::downgrade(chunk),
-                ordered: OnceLock::new(),
-            });
+            let new = Arc::new(ChunkLook::new(handle.clone(), look, chunk));
             self.of_chunks.push(Arc::downgrade(&new));
             new
         })
@@ -284,7 +285,7 @@ fn name<A: Asset>(handle: &Handle<A>) -> String {
 }
 
 impl Tree {
-    /// The place in its chunk of the run that an entity shows of a node, or `None` if it is of none any more.
+    /// The place of a run in its chunk, or `None` if the node has let go of the run's entity.
     fn place(&self, node: usize, entity: Entity) -> Option<Place> {
         let state = self.nodes.get(node)?;
         let is_coming = |coming: &&Coming| matches!(coming.stage, OnItsWay::Hidden(own) if own == entity);
@@ -308,12 +309,7 @@ mod tests {
 
     /// The look of a chunk that no run has yet.
     fn of_chunk(look: &Arc<Look>, chunk: &Arc<Scene>) -> ChunkLook {
-        ChunkLook {
-            handle: Handle::default(),
-            look: Arc::downgrade(look),
-            chunk: Arc::downgrade(chunk),
-            ordered: OnceLock::new(),
-        }
+        ChunkLook::new(Handle::default(), look, chunk)
     }
 
     #[test]

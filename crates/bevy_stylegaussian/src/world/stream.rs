@@ -356,15 +356,15 @@ fn within((limit, sum): &mut (usize, usize), part: usize) -> bool {
     fits
 }
 
-/// A run as a scene of its own, whose source is the run. Nodes want `n` Gaussians of the chunk.
+/// A run as a scene of its own, whose source is the run.
 fn part_of(
     chunk: &GaussianScene,
     levels: &Levels,
     place: &Place,
-    n: usize,
+    n_wanted: usize,
 ) -> Result<GaussianScene, Mismatch> {
     let scene = chunk.scene();
-    if scene.n_source < n {
+    if scene.n_source < n_wanted {
         // It walks all nodes.
         levels.check_chunk(place.file, scene)?;
     }

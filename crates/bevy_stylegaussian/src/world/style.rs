@@ -72,16 +72,12 @@ pub(super) fn style_runs(
     let (mut waiting, mut n_busy) = (Vec::new(), 0);
     for (entity, run, own, jobs, look) in &mut runs {
         let Ok((mut tree, source)) = worlds.get_mut(run.world) else { continue };
-        let look = match source.map_or(Given::There(None), |source| Given::of(source, look)) {
-            Given::There(look) => look,
+        let (source, look) = match source.map_or(Given::There(None), |source| Given::of(source, look)) {
+            Given::There(look) => (source, look),
             // What is shown stays until then.
             Given::Awaited => continue,
-            Given::Absent => {
-                if own.is_some() {
-                    commands.entity(entity).try_remove::<(StyleSource, PaintedBeside)>();
-                }
-                continue;
-            }
+            // It is shown as captured.
+            Given::Absent => (None, None),
         };
         match (source, own) {
             (None, None) => {}

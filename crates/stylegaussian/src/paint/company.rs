@@ -42,7 +42,7 @@ pub(super) struct Manner {
 }
 
 impl Manner {
-    /// The seeds that the surface of a part of the scene shares, where the scene has them.
+    /// The seeds that the surface of a part of the scene shares, with their paintings and places in the scene.
     pub fn placed(&self, part: &Surface) -> Vec<Placed> {
         let placed = |(seed, number): (u32, &u32)| {
             let painting = usize::from(*self.labels.get(*number as usize)?);

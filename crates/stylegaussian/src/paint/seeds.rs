@@ -16,8 +16,8 @@ const N_AROUND: usize = 8;
 /// Most seeds: four styles of as many fit into one table.
 const MOST: usize = crate::strokes::MAX_SEEDS / 4;
 
-/// The farthest that a Gaussian of a part may be from the seeds of the whole, in spacings, without new ones
-/// there. Those of the whole are within 1 of a seed. Those of a finer level lie around them: up to 7 pixels
+/// The distance from all seeds of the whole, in spacings, from which on Gaussians of a part get new ones.
+/// Gaussians of the whole are within 1 of a seed. Gaussians of a finer level lie around them: up to 7 pixels
 /// away, which is a quarter, if the whole has a Gaussian in each square of 10 pixels.
 const REACH: f32 = 1.25;
 

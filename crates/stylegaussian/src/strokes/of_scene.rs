@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{
-    seed::{MAX_SEEDS, StrokeSeed, StrokeWord},
+    seed::{StrokeSeed, StrokeWord},
     texture::StrokeTexture,
 };
 
@@ -29,19 +29,16 @@ impl Strokes {
         let mut new_from_old = vec![None; self.seeds.len()];
         let mut seeds = Vec::new();
         let moved = |&i: &u32| {
-            let word = self.words[i as usize];
-            let old = (word & SEED) as usize;
+            let word = StrokeWord::unpacked(self.words[i as usize]);
+            let old = word.seed as usize;
             let Some(seed) = self.seeds.get(old) else { return StrokeWord::NONE.packed() };
             let new = *new_from_old[old].get_or_insert_with(|| {
                 seeds.push(*seed);
                 seeds.len() as u32 - 1
             });
-            (word & !SEED) | new
+            StrokeWord { seed: new, ..word }.packed()
         };
         let words = indices.iter().map(moved).collect();
         Self { seeds, words, textures: self.textures.clone() }
     }
 }
-
-/// The bits of a word that hold its seed.
-const SEED: u32 = MAX_SEEDS as u32 - 1;

@@ -135,7 +135,7 @@ impl From<Losses> for LastLosses {
     }
 }
 
-/// What is baked.
+/// The scene that is baked.
 struct Subject {
     scene: Scene,
     /// If it is of a world: the chunk that its first Gaussians are, and the whole, coarse.

@@ -134,35 +134,34 @@ pub fn run(arguments: &EvalArgs, interrupt: &Interrupt) -> Result<()> {
     let decoder_2d = arguments.teacher.as_deref().map(ImageDecoder::open).transpose()?;
     let views = arguments.views(&scene)?;
     let name = arguments.scene.display().to_string();
-    let (named, surface);
+    let named;
     // As `stylize` decides: a decoder that was trained for the scene, or is asked for, is what should be seen.
     let asks_for_decoder = arguments.decoder_only || arguments.decoder.is_some();
+    let is_instant =
+        arguments.looks.is_none() && !arguments.collection && is_painted(&scene, asks_for_decoder, true);
     ensure!(
-        !arguments.mesh || is_painted(&scene, asks_for_decoder, true),
+        !arguments.mesh || is_instant,
         "{name}: found a decoder of its own, expected a scene that is painted, for --mesh"
     );
-    let beside = arguments.mesh.then(|| Surface::new(&scene, &Work::default())).transpose()?;
-    let painter: Box<Painter> = match &arguments.looks {
-        Some(folder) => Box::new(|painting: &Path, _: &Image| baked(folder, painting, &scene)),
-        None if arguments.collection => {
+    let surface = is_instant.then(|| Surface::new(&scene, &Work::default())).transpose()?;
+    let painter: Box<Painter> = match (&arguments.looks, &surface) {
+        (Some(folder), _) => Box::new(|painting: &Path, _: &Image| baked(folder, painting, &scene)),
+        (None, _) if arguments.collection => {
             let painted = collected(&list_images(&arguments.styles)?, &scene)?;
             Box::new(move |_: &Path, _: &Image| Ok(painted.clone()))
         }
-        None if is_painted(&scene, asks_for_decoder, true) => {
-            surface = Surface::new(&scene, &Work::default())?;
-            Box::new(|_: &Path, image: &Image| {
-                let canvas = Canvas::new(&paint_of(image));
-                let painted = Recipe::painting(&canvas, &surface).restyle(&scene, &Work::default());
-                painted.map_err(|error| TrainError::Caused(error.into()))
-            })
-        }
-        None => {
+        (None, Some(surface)) => Box::new(|_: &Path, image: &Image| {
+            let canvas = Canvas::new(&paint_of(image));
+            let painted = Recipe::painting(&canvas, surface).restyle(&scene, &Work::default());
+            painted.map_err(|error| TrainError::Caused(error.into()))
+        }),
+        (None, None) => {
             named = choose::decoder(arguments.decoder.as_deref(), &scene)?;
             Box::new(decoded(&name, &scene, &named.decoder, &encoder)?)
         }
     };
     let split = arguments.split_paint;
-    let mesh = beside.as_ref();
+    let mesh = surface.as_ref().filter(|_| arguments.mesh);
     let subject = Subject { scene: &scene, painter: &*painter, split, mesh, encoder: &encoder };
 
     let progress = ProgressLine::new();

@@ -312,7 +312,7 @@ impl<'a, 'b> Pictures<'a, 'b> {
     }
 }
 
-/// What a file of cameras says.
+/// Reads a file of cameras.
 fn set_of_file(path: &Path, options: CameraOptions) -> Result<CameraSet> {
     read_cameras_with(path, options).map_err(|error| match error {
         CamerasError::PhotoSize { .. } => anyhow!("{error}; --size gives it"),

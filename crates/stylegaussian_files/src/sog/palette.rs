@@ -93,6 +93,11 @@ impl Rows<'_> {
         &self.coefficients[i as usize * self.width..][3..self.width]
     }
 
+    /// Row `i`, less the mean.
+    fn steps(&self, i: u32, mean: &[f64]) -> impl Iterator<Item = f64> {
+        self.row(i).iter().zip(mean).map(|(value, mean)| f64::from(*value) - mean)
+    }
+
     fn spread(&self, members: &[u32]) -> Spread {
         let mut mean = vec![0.0; self.width - 3];
         for &i in members {
@@ -101,16 +106,14 @@ impl Rows<'_> {
         mean.iter_mut().for_each(|sum| *sum /= members.len() as f64);
         let mut squares = vec![0.0; self.width - 3];
         for &i in members {
-            let steps = self.row(i).iter().zip(&mean).map(|(value, mean)| f64::from(*value) - mean);
-            squares.iter_mut().zip(steps).for_each(|(sum, step)| *sum += step * step);
+            squares.iter_mut().zip(self.steps(i, &mean)).for_each(|(sum, step)| *sum += step * step);
         }
         Spread { mean, squares }
     }
 
     /// The component of row `i`, less the mean, along an axis.
     fn along(&self, i: u32, mean: &[f64], axis: &[f64]) -> f64 {
-        let steps = self.row(i).iter().zip(mean).map(|(value, mean)| f64::from(*value) - mean);
-        steps.zip(axis).map(|(step, axis)| step * axis).sum()
+        self.steps(i, mean).zip(axis).map(|(step, axis)| step * axis).sum()
     }
 
     /// The unit vector along which rows differ most, by power iteration from the value that differs most.
@@ -123,8 +126,7 @@ impl Rows<'_> {
             let mut next = vec![0.0; mean.len()];
             for &i in members {
                 let along = self.along(i, mean, &axis);
-                let steps = self.row(i).iter().zip(mean).map(|(value, mean)| f64::from(*value) - mean);
-                next.iter_mut().zip(steps).for_each(|(sum, step)| *sum += along * step);
+                next.iter_mut().zip(self.steps(i, mean)).for_each(|(sum, step)| *sum += along * step);
             }
             let length = next.iter().map(|value| value * value).sum::<f64>().sqrt();
             if !(length.is_finite() && length > 0.0) {

@@ -16,7 +16,8 @@ use stylegaussian_shaders::splat::{
 
 use crate::{
     bindings::{
-        bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding, uniform_binding,
+        bind_group, compute_pipeline, group_layout, one_of, pipeline_layout, storage_binding,
+        texture_binding, uniform_binding, uniforms_binding,
     },
     buffers,
     colors::GaussianColors,
@@ -84,11 +85,8 @@ impl StrokeStage {
 
 impl StrokeDraws {
     fn new(device: &wgpu::Device) -> Self {
-        let texture = wgpu::BindingType::Texture {
-            sample_type: wgpu::TextureSampleType::Float { filterable: true },
-            view_dimension: wgpu::TextureViewDimension::D2Array,
-            multisampled: false,
-        };
+        let filterable = wgpu::TextureSampleType::Float { filterable: true };
+        let texture = texture_binding(filterable, wgpu::TextureViewDimension::D2Array);
         let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
         let records = storage_binding(true);
         let bindings = [uniform_binding::<StrokeDraw>(), records, texture, texture, sampler, records];
@@ -130,11 +128,7 @@ impl StrokeDraws {
 impl StrokeKernel {
     fn new(device: &wgpu::Device) -> Self {
         let (label, compute) = ("splat_strokes", wgpu::ShaderStages::COMPUTE);
-        let uniforms = wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Uniform,
-            has_dynamic_offset: true,
-            min_binding_size: wgpu::BufferSize::new(size_of::<StrokeChunk>() as u64),
-        };
+        let uniforms = uniforms_binding::<StrokeChunk>();
         let read = storage_binding(true);
         let write = storage_binding(false);
         let view_layout = group_layout(device, label, compute, &[uniforms, read, write, write]);
@@ -153,14 +147,8 @@ impl StrokeKernel {
 
     fn bind_view(&self, device: &wgpu::Device, bound: [&wgpu::Buffer; 4]) -> wgpu::BindGroup {
         let [uniforms, keys, records, relief] = bound;
-        // One chunk; a dynamic offset selects which.
-        let one_chunk = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-            buffer: uniforms,
-            offset: 0,
-            size: wgpu::BufferSize::new(size_of::<StrokeChunk>() as u64),
-        });
         let [keys, records, relief] = [keys, records, relief].map(wgpu::Buffer::as_entire_binding);
-        let resources = [one_chunk, keys, records, relief];
+        let resources = [one_of::<StrokeChunk>(uniforms), keys, records, relief];
         bind_group(device, "splat_stroke_view", &self.view_layout, &resources)
     }
 }

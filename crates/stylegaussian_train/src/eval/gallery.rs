@@ -257,7 +257,10 @@ impl<'a> Gallery<'a> {
             None => None,
         };
         let mesh = match &self.ball {
-            Some(ball) => Some((ball, ball.paint(&Canvas::new(&paint_of(image)), &painted)?)),
+            Some(ball) => {
+                let paint = ball.paint(&Canvas::new(&paint_of(image)), &painted)?;
+                Some((ball, ball.bare(&paint), paint))
+            }
             None => None,
         };
         let recoloring = Recoloring::new(&self.colors, &ColorMoments::of_rgb(&image.rgb));
@@ -284,9 +287,9 @@ impl<'a> Gallery<'a> {
             exhibit.stylized.push(measure(&self.judge.look(view)?));
             exhibit.unstyled.push(measure(&self.unstyled_looks[i]));
             exhibit.recolored.push(measure(&self.judge.look(&recoloring.view(before))?));
-            if let Some((ball, paint)) = &mesh {
+            if let Some((ball, bare, paint)) = &mesh {
                 let camera = &self.views.cameras[i];
-                let bare = self.judge.look(&ball.draw(&ball.bare(paint), camera))?;
+                let bare = self.judge.look(&ball.draw(bare, camera))?;
                 let look = self.judge.look(&ball.draw(paint, camera))?;
                 exhibit.mesh.push(look.measures(&bare, &self.targets, own));
             }

@@ -109,7 +109,7 @@ fn unit_ball() -> (Vec<Vec3>, Vec<[u32; 3]>) {
     ((0..(around + 1) * (along + 1)).map(at).collect(), triangles)
 }
 
-/// What a scene has in each direction from its middle: mean colors in cells around an axis and along it.
+/// Mean colors of a scene in each direction from its middle, in cells around an axis and along it.
 struct Surroundings(Vec<Vec3>);
 
 impl Surroundings {
@@ -126,7 +126,7 @@ impl Surroundings {
             }
         }
         let mean = |(sum, weight): (Vec3, f32)| (weight > 0.0).then(|| sum / weight);
-        // Where there is nothing, the ball is as the scene is as a whole.
+        // A cell without Gaussians has the mean color of the scene.
         let usual = mean(all).unwrap_or(Vec3::splat(0.5));
         Self(sums.into_iter().map(|sum| mean(sum).unwrap_or(usual).clamp(Vec3::ZERO, Vec3::ONE)).collect())
     }

@@ -139,7 +139,8 @@ pub enum StyleInput {
     /// each, as `stylegaussian bake --chunk` and the workflow `world` write them. `0_0.look.safetensors` is of
     /// the chunk `0_0/meta.json`. A source has one such folder; it fails on anything but a world. A chunk
     /// whose look cannot be had stays as captured, and
-    /// [`GaussianWorldFailed`](crate::world::GaussianWorldFailed) tells it.
+    /// [`GaussianWorldFailed`](crate::world::GaussianWorldFailed) tells it. Surroundings have no look and
+    /// stay as captured.
     ChunkLooks(String),
 }
 
@@ -297,8 +298,8 @@ impl StyleSource {
         self.styles == other.styles && self.is_decided_like(other)
     }
 
-    /// Whether it gives the style of `world`, the source of a world, to a run of it, which has `look` in place
-    /// of the looks of chunks.
+    /// Whether it is computed like [`for_part`](Self::for_part) of `world`, the source of a world. It makes no
+    /// copy, since all runs are asked in each frame.
     pub(crate) fn is_part_of(&self, world: &Self, look: Option<&Handle<StyleLook>>) -> bool {
         let (Some(folder), Some(look)) = (world.folder_of_looks(), look) else {
             return self.is_computed_like(world);

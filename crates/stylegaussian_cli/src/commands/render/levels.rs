@@ -10,7 +10,7 @@ use stylegaussian::{
 };
 use stylegaussian_files::{
     ReadOptions, read_world_at,
-    world::{FILE, World, manifest_at},
+    world::{FILE, Node, World, manifest_at},
 };
 
 use crate::{
@@ -50,18 +50,18 @@ impl LevelArgs {
         let world = World::open(&manifest)?;
         let ReadOptions { axes, budget } = reading.options();
         let options = ReadOptions { axes, budget: None };
-        let n_around = || -> Result<usize> {
-            let Some(_) = &world.environment else { return Ok(0) };
-            Ok(read_world_at(&manifest, &world, &[], options)?.scene.len())
-        };
-        let levels = match (self.level, budget) {
-            (Some(level), _) => {
+        let levels = match self.level {
+            Some(level) => {
                 let (path, n) = (manifest.display(), world.n_levels);
                 ensure!(level < n, "{path}: found {n} levels, expected more than {level}; 0 is the finest");
                 vec![Some(level); world.nodes.len()]
             }
-            (None, budget) => {
-                let budget = budget.unwrap_or(usize::MAX).saturating_sub(n_around()?);
+            None => {
+                let n_around = match &world.environment {
+                    Some(_) => read_world_at(&manifest, &world, &[], options)?.scene.len(),
+                    None => 0,
+                };
+                let budget = budget.unwrap_or(usize::MAX).saturating_sub(n_around);
                 levels_for(&cameras()?, &world, budget)
             }
         };
@@ -75,7 +75,7 @@ impl LevelArgs {
 /// The level of each node that all of the cameras see under one budget.
 fn levels_for(cameras: &[Camera], world: &World, budget: usize) -> Vec<Option<usize>> {
     let views: Vec<CutView> = cameras.iter().map(CutView::of_camera).collect();
-    let counts = |node: &stylegaussian_files::world::Node| -> Vec<usize> {
+    let counts = |node: &Node| -> Vec<usize> {
         node.levels.iter().map(|run| run.as_ref().map_or(0, |run| run.range.len())).collect()
     };
     let counts: Vec<Vec<usize>> = world.nodes.iter().map(counts).collect();
