@@ -100,8 +100,11 @@ pub struct Cut {
     /// The level of each node, or `None` if it has no Gaussians, or if even the fewest of all nodes exceed the
     /// budget.
     pub levels: Vec<Option<usize>>,
-    /// Pixels along the diagonal of each node in the view that is nearest to it: 0 if no view sees it.
+    /// Pixels along the diagonal of each node in the view that is nearest to it, and no less than its least
+    /// pixels.
     pub pixels: Vec<f32>,
+    /// Whether any view sees each node.
+    pub is_seen: Vec<bool>,
     /// Gaussians of all levels that are chosen.
     pub n_gaussians: usize,
 }
@@ -118,7 +121,7 @@ pub fn error(pixels: f32, count: usize) -> f32 {
 /// little error have none. Of nodes with equal boxes and counts, a nearer one has no coarser level. The same
 /// input gives the same cut, and a cut from itself is itself.
 pub fn cut(nodes: &[CutNode], budget: usize, before: &[Option<usize>]) -> Cut {
-    let pixels: Vec<f32> = nodes.iter().map(pixels_of).collect();
+    let (pixels, is_seen): (Vec<f32>, Vec<bool>) = nodes.iter().map(pixels_of).unzip();
     let had = |node: usize, level: usize| before.get(node).copied().flatten().is_some_and(|had| had <= level);
     let need = |node: usize, count: usize, next: usize| {
         error(pixels[node], count) * if had(node, next) { STAY } else { 1.0 }
@@ -154,7 +157,7 @@ pub fn cut(nodes: &[CutNode], budget: usize, before: &[Option<usize>]) -> Cut {
         let finer = finer(nodes[node].counts, level);
         steps.extend(finer.map(|finer| step(need(node, count(node, level), finer), node, finer)));
     }
-    Cut { levels, pixels, n_gaussians: total }
+    Cut { levels, pixels, is_seen, n_gaussians: total }
 }
 
 /// A step to a finer level: those of larger errors come first, then those of nodes before others.
@@ -167,10 +170,11 @@ fn fits(total: usize, without: usize, with: usize, budget: usize) -> Option<usiz
     (total - without).checked_add(with).filter(|next| *next <= budget)
 }
 
-/// Pixels along a node's diagonal in the view that is nearest to it.
-fn pixels_of(node: &CutNode) -> f32 {
+/// Pixels along a node's diagonal in the view that is nearest to it, and whether any view sees it.
+fn pixels_of(node: &CutNode) -> (f32, bool) {
     let least = if node.least_pixels > 0.0 { node.least_pixels.min(f32::MAX) } else { 0.0 };
-    node.views.iter().map(|view| view.pixels(node.bounds)).fold(least, f32::max)
+    let seen = node.views.iter().map(|view| view.pixels(node.bounds)).fold(0.0, f32::max);
+    (least.max(seen), seen > 0.0)
 }
 
 /// The level of the fewest Gaussians, the finest of several, or `None` if there are none at any.
@@ -277,6 +281,9 @@ mod tests {
                 let count = |level: &Option<usize>| level.map_or(0, |level| COUNTS[level]);
                 assert_eq!(found.n_gaussians, found.levels.iter().map(count).sum::<usize>());
                 assert!(found.n_gaussians <= budget);
+                assert!(
+                    found.pixels.iter().zip(&found.is_seen).all(|(pixels, seen)| (*pixels > 0.0) == *seen)
+                );
                 let mut seen: Vec<usize> = (0..40).filter(|&i| found.pixels[i] > 0.0).collect();
                 seen.sort_by(|a, b| found.pixels[*b].total_cmp(&found.pixels[*a]));
                 let level = |i: &usize| found.levels[*i].unwrap_or(usize::MAX);
@@ -364,8 +371,9 @@ mod tests {
         assert_eq!(cut(&nodes, 4, &[]).levels, [None; 16]);
         assert_eq!(cut(&nodes, 20, &[]).n_gaussians, 20);
         assert_eq!(cut(&[], 20, &[]), Cut::default());
-        // A node that was seen a moment ago is as one that is seen.
+        // A node that was seen a moment ago has the level of one that is seen.
         let remembered = CutNode { bounds: bounds[0], counts: &COUNTS, views: &[], least_pixels: 1e3 };
-        assert_eq!(cut(&[remembered], 8000, &[]).levels, [Some(0)]);
+        let found = cut(&[remembered], 8000, &[]);
+        assert_eq!((found.levels, found.pixels, found.is_seen), (vec![Some(0)], vec![1e3], vec![false]));
     }
 }

@@ -41,6 +41,8 @@ pub(crate) struct Whole {
     /// Moments of the captured colors, as views show them.
     pub colors: ColorMoments,
     surface: Surface,
+    /// The paintings and their weights.
+    canvases: Vec<(Canvas, f64)>,
     /// `None` if it has no strokes.
     company: Option<Company>,
 }
@@ -60,11 +62,10 @@ impl Whole {
             .ok_or(BakeError::NothingVisible { n_gaussians: scene.len() })?;
         let surface = surface(scene, &cameras, &work.part(0.4, 0.6))?;
         let (canvases, hand) = (canvases(paintings), Hand::default());
-        let canvases: Vec<(&Canvas, f64)> =
-            canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
-        let painted = lay(scene, &surface, &canvases, &hand, 0.0, &work.part(0.6, 0.9))?;
-        let company = Company::new(&surface, &canvases, &hand, &painted.strokes, &work.part(0.9, 1.0))?;
-        Ok(Self { colors: cameras.colors, surface, company })
+        let weighted = weighted(&canvases);
+        let painted = lay(scene, &surface, &weighted, &hand, 0.0, &work.part(0.6, 0.9))?;
+        let company = Company::new(&surface, &weighted, &hand, &painted.strokes, &work.part(0.9, 1.0))?;
+        Ok(Self { colors: cameras.colors, surface, canvases, company })
     }
 }
 
@@ -109,13 +110,13 @@ fn painted(
     paintings: &[(Image, f32)],
     work: &Work,
 ) -> Result<Painted, Canceled> {
-    let (canvases, hand) = (canvases(paintings), Hand::default());
-    let canvases: Vec<(&Canvas, f64)> = canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
-    if let Some(Whole { surface, company: Some(company), .. }) = whole {
+    let hand = Hand::default();
+    if let Some(Whole { surface, canvases, company: Some(company), .. }) = whole {
         let surface = Surface::part_of(scene, surface, work)?;
-        return lay_beside(scene, &surface, &canvases, (&hand, 0.0, company), work);
+        return lay_beside(scene, &surface, &weighted(canvases), (&hand, 0.0, company), work);
     }
-    lay(scene, &surface(scene, cameras, work)?, &canvases, &hand, 0.0, work)
+    let canvases = canvases(paintings);
+    lay(scene, &surface(scene, cameras, work)?, &weighted(&canvases), &hand, 0.0, work)
 }
 
 /// The surfaces of a scene, as the bake's views show them.
@@ -131,6 +132,11 @@ fn surface(scene: &Scene, cameras: &Cameras, work: &Work) -> Result<Surface, Can
 fn canvases(paintings: &[(Image, f32)]) -> Vec<(Canvas, f64)> {
     let used = paintings.iter().filter(|(_, weight)| *weight > 0.0);
     used.map(|(image, weight)| (Canvas::new(&paint_of(image)), f64::from(*weight))).collect()
+}
+
+/// The same, as paint takes them.
+fn weighted(canvases: &[(Canvas, f64)]) -> Vec<(&Canvas, f64)> {
+    canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect()
 }
 
 /// Protection of Gaussians `[N]`, because they stand out (by their `words`) or are larger than a stroke.

@@ -164,19 +164,25 @@ impl<'a> Choice<'a> {
         })
     }
 
-    /// The textures of the paintings that are used, in the given colors if there are any.
-    pub fn textures(&self, given: Option<&Tints>) -> Textures {
+    /// The texture of a painting, in the given colors if there are any.
+    pub fn texture(&self, painting: usize, given: Option<&Tints>) -> Arc<StrokeTexture> {
+        let canvas = self.paintings[painting];
+        match given {
+            Some(given) => Arc::new(tinted(canvas, given)),
+            None => Arc::clone(&canvas.detail.texture),
+        }
+    }
+
+    /// The textures of the paintings that are used: `texture` gives that of a painting.
+    pub fn textures(&self, texture: impl Fn(usize) -> Arc<StrokeTexture>) -> Textures {
         let mut of = Textures { textures: Vec::new(), numbers: vec![0; self.paintings.len()] };
-        for (painting, canvas) in self.paintings.iter().enumerate() {
+        for painting in 0..self.paintings.len() {
             // A painting alone is kept whole, whether or not there is a seed.
             if self.paintings.len() > 1 && !self.labels.contains(&(painting as u8)) {
                 continue;
             }
             of.numbers[painting] = of.textures.len() as u8;
-            of.textures.push(match given {
-                Some(given) => Arc::new(tinted(canvas, given)),
-                None => Arc::clone(&canvas.detail.texture),
-            });
+            of.textures.push(texture(painting));
         }
         of
     }

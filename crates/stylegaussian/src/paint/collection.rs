@@ -32,6 +32,14 @@ pub(super) fn choose(
     if paintings.len() < 2 {
         return vec![0; n_seeds];
     }
+    let mut given: Vec<Option<u8>> = vec![None; n_seeds];
+    for (j, painting) in fixed {
+        given[j as usize] = Some(painting as u8);
+    }
+    // Most small parts of a scene have no seeds of their own.
+    if let Some(labels) = given.iter().copied().collect::<Option<Vec<u8>>>() {
+        return labels;
+    }
     let seeds: Vec<u32> = (0..n_seeds as u32).collect();
     let descriptors = of_seeds(surface, 0, &seeds, 0, hues);
     // The least cost of each seed in each painting.
@@ -44,19 +52,15 @@ pub(super) fn choose(
     let costs: Vec<Vec<f32>> = paintings.iter().map(of_painting).collect();
     let best = |j: usize| costs.iter().map(|costs| costs[j]).fold(f32::INFINITY, f32::min);
     let typical = ((0..n_seeds).map(best).sum::<f32>() / n_seeds.max(1) as f32).max(1e-6);
-    let mut is_fixed = vec![false; n_seeds];
     // Places of single seeds are chance where paintings are alike, so a neighborhood chooses first.
     let costs: Vec<Vec<f32>> = costs.iter().map(|costs| averaged(surface, costs)).collect();
     let choose = |j: usize, apart: &dyn Fn(usize) -> f32| {
         let cost = |k: usize| costs[k][j] / typical + apart(k);
         (1..paintings.len()).fold(0, |best, k| if cost(k) < cost(best) { k } else { best }) as u8
     };
-    let mut labels: Vec<u8> = (0..n_seeds).map(|j| choose(j, &|_| 0.0)).collect();
-    for (j, painting) in fixed {
-        (is_fixed[j as usize], labels[j as usize]) = (true, painting as u8);
-    }
+    let mut labels: Vec<u8> = (0..n_seeds).map(|j| given[j].unwrap_or_else(|| choose(j, &|_| 0.0))).collect();
     for _ in 0..ROUNDS {
-        for &j in surface.seeds.order.iter().filter(|j| !is_fixed[**j as usize]) {
+        for &j in surface.seeds.order.iter().filter(|j| given[**j as usize].is_none()) {
             let around = &surface.seeds.around[j as usize];
             let others = |k: usize| {
                 let n = around.iter().filter(|i| usize::from(labels[**i as usize]) != k).count();

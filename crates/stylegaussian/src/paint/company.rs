@@ -3,10 +3,12 @@
 //! A mesh alone would be recolored by its own colors: a red ball would get the painting's mean color, and all
 //! of its contrast. Beside a painted scene, what was red there and what is red here become the same.
 
+use std::sync::Arc;
+
 use super::{
     canvas::Canvas,
     choice::Choice,
-    grade::Underpainting,
+    grade::{Grades, Underpainting},
     hand::Hand,
     lay::{energies, parts, standing_out, usual_energy},
     places::{Placed, Placement},
@@ -14,7 +16,7 @@ use super::{
     tints::Tints,
 };
 use crate::{
-    strokes::{StrokeSeed, Strokes},
+    strokes::{StrokeSeed, StrokeTexture, Strokes},
     work::{Canceled, Work},
 };
 
@@ -34,8 +36,10 @@ pub(super) struct Manner {
     pub usual: f32,
     /// Gain of wide detail.
     pub wide: f32,
-    /// Pixels of the scene's pictures before its colors are graded.
-    pub shown: Vec<glam::Vec3>,
+    /// Changes of the scene's colors. They are found by its pictures, and a scene may have thousands of parts.
+    pub grades: Grades,
+    /// The texture of each painting, in the colors that it has in the scene.
+    pub textures: Vec<Arc<StrokeTexture>>,
     /// The number of the painting of each seed `[M]`, and its place there.
     labels: Vec<u8>,
     placements: Vec<Placement>,
@@ -86,15 +90,26 @@ impl Company {
             let usual = usual_energy(surface, &energies);
             let [own_detail, _] = standing_out(&choice, &energies, usual);
             let mixed = under.mixed(&own_detail);
-            let mut shown = surface.proofs.pixels(&mixed);
-            if shown.is_empty() {
-                shown = mixed;
-            }
+            let pixels = surface.proofs.pixels(&mixed);
+            let shown = if pixels.is_empty() { &mixed } else { &pixels };
+            let texture = |painting: usize| {
+                let is_of = |(label, _): &(&u8, &StrokeSeed)| usize::from(**label) == painting;
+                let seed = choice.labels.iter().zip(seeds).find(is_of).map(|(_, seed)| seed.plain());
+                let known = seed.and_then(|seed| strokes.textures.get(usize::from(seed.texture)));
+                match (hand.tints, known) {
+                    // A tinted one is made once, and has one place on the GPU.
+                    (Some(_), Some(known)) => Arc::clone(known),
+                    _ => choice.texture(painting, hand.tints),
+                }
+            };
+            let textures = (0..part.paintings.len()).map(texture).collect();
+            let grades = Grades::new(&choice, shown, &mixed);
             manners.push(Manner {
                 usual,
                 // All seeds of a part have one gain.
                 wide: seeds.first().map_or(1.0, |seed: &StrokeSeed| seed.plain().wide),
-                shown,
+                grades,
+                textures,
                 tints: choice.tints.into_owned(),
                 shares: choice.shares,
                 labels: choice.labels,

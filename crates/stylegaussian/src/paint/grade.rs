@@ -1,7 +1,5 @@
 //! The colors under strokes.
 
-use std::borrow::Cow;
-
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -70,29 +68,45 @@ impl Underpainting {
         own_detail: &[f32],
         protection: &[f32],
         wide: f32,
-        (pull, shown): (f32, Option<&[Vec3]>),
+        (pull, given): (f32, Option<&Grades>),
     ) -> Vec<[f32; 3]> {
-        graded(choice, &self.mixed(own_detail), protection, wide, (pull, shown))
+        let colors = self.mixed(own_detail);
+        let own;
+        let grades = match given {
+            Some(given) => given,
+            None => {
+                own = Grades::new(choice, &choice.surface.proofs.pixels(&colors), &colors);
+                &own
+            }
+        };
+        graded(choice, &colors, protection, wide, (pull, grades))
+    }
+}
+
+/// Changes of colors, to those of the paintings without strokes and to those of the whole paintings.
+pub(super) struct Grades([Grade; 2]);
+
+impl Grades {
+    /// Those by which pictures get palette and tones of a choice. `shown` are their pixels if Gaussians have
+    /// these `colors` `[N]`, and none if there are no pictures.
+    pub fn new(choice: &Choice, shown: &[Vec3], colors: &[Vec3]) -> Self {
+        let from = moments(shown, &choice.surface.visibility, colors);
+        let tints = &choice.tints;
+        Self([&tints.low, &tints.whole].map(|(to, tones)| Grade::new(&from, shown, to, tones)))
     }
 }
 
 /// Colors with the painting's palette and tones: under strokes those of the painting without its strokes,
-/// elsewhere those of the whole painting. `pull` is the share of the way toward its hues. `shown` are the
-/// pixels of pictures that get palette and tones, or `None` for those of the scene itself.
+/// elsewhere those of the whole painting. `pull` is the share of the way toward its hues.
 fn graded(
     choice: &Choice,
     colors: &[Vec3],
     protection: &[f32],
     wide: f32,
-    (pull, shown): (f32, Option<&[Vec3]>),
+    (pull, grades): (f32, &Grades),
 ) -> Vec<[f32; 3]> {
-    let surface = choice.surface;
-    let shown = shown.map_or_else(|| Cow::Owned(surface.proofs.pixels(colors)), Cow::Borrowed);
-    let from = moments(&shown, &surface.visibility, colors);
-    let grades =
-        [&choice.tints.low, &choice.tints.whole].map(|(to, tones)| Grade::new(&from, &shown, to, tones));
     let range = (Vec3::splat(-OVERSHOOT), Vec3::splat(1.0 + OVERSHOOT));
-    let grade = |i: usize, k: usize| grades[k].color(colors[i]);
+    let grade = |i: usize, k: usize| grades.0[k].color(colors[i]);
     let shifts = choice.shifts(|i| grade(i, 0));
     let color = |i: usize| {
         let painting = choice.of_gaussian(i);
@@ -111,23 +125,23 @@ fn graded(
 }
 
 /// A change of moments, then of tones.
-struct Grade<'a> {
+struct Grade {
     recoloring: Recoloring,
     from: Tones,
-    to: &'a Tones,
+    to: Tones,
 }
 
-impl<'a> Grade<'a> {
-    fn new(from: &ColorMoments, shown: &[Vec3], to: &ColorMoments, tones: &'a Tones) -> Self {
+impl Grade {
+    fn new(from: &ColorMoments, shown: &[Vec3], to: &ColorMoments, tones: &Tones) -> Self {
         let recoloring = Recoloring::new(from, to);
         let luminance = |color: &Vec3| Vec3::from(recoloring.color(color.to_array())).dot(LUMINANCE);
         let from = Tones::new(shown.par_iter().map(luminance).collect());
-        Self { recoloring, from, to: tones }
+        Self { recoloring, from, to: tones.clone() }
     }
 
     fn color(&self, color: Vec3) -> Vec3 {
         let color = Vec3::from(self.recoloring.color(color.to_array()));
         let luminance = color.dot(LUMINANCE);
-        color + TONE * (Curve::new(&self.from, self.to).at(luminance) - luminance)
+        color + TONE * (Curve::new(&self.from, &self.to).at(luminance) - luminance)
     }
 }

@@ -1,5 +1,7 @@
 //! Laying paint on a scene: colors for all that is coarser than a stroke, and the strokes.
 
+use std::sync::Arc;
+
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -310,7 +312,10 @@ fn one(
     );
     let choice = choice.placed(placements);
     work.at(0.5)?;
-    let used = choice.textures(hand.tints);
+    let used = choice.textures(|painting| match manner {
+        Some(manner) => Arc::clone(&manner.textures[painting]),
+        None => choice.texture(painting, hand.tints),
+    });
     let balance = match manner {
         Some(manner) => Balance::beside(manner.wide),
         None => {
@@ -321,8 +326,8 @@ fn one(
         }
     };
     work.at(0.8)?;
-    let shown = manner.map(|manner| &*manner.shown);
-    let colors = under.colors(&choice, &own_detail, &protection, balance.wide, (hand.palette, shown));
+    let grades = manner.map(|manner| &manner.grades);
+    let colors = under.colors(&choice, &own_detail, &protection, balance.wide, (hand.palette, grades));
     let word = |(owner, protection): (&u32, &f32)| {
         StrokeWord { seed: *owner, protection: *protection, share: 1.0 }.packed()
     };

@@ -165,6 +165,10 @@ pub(super) fn place(
     for Placed { seed, placement, .. } in placed {
         placements[*seed as usize] = Some(*placement);
     }
+    // Most small parts of a scene have no seeds of their own.
+    if placements.iter().all(Option::is_some) {
+        return placements.into_iter().flatten().collect();
+    }
     let mut searches: Vec<Search> = (0..paintings.len())
         .map(|painting| {
             let own = |j: &u32| usize::from(labels[*j as usize]) == painting;

@@ -218,6 +218,26 @@ fn seeds_that_are_shared_keep_their_paintings_and_places() {
 }
 
 #[test]
+fn parts_in_the_colors_of_a_palette_share_its_textures() {
+    let fine = wall(SIDE);
+    let paints = [dabs([60, 110, 230]), stripes(512, 512)];
+    let tints = Canvas::new(&dabs([230, 180, 90])).tints().clone();
+    let hand = Hand { is_collection: true, tints: Some(&tints), ..Hand::default() };
+    let canvases: Vec<Canvas> = paints.iter().map(Canvas::new).collect();
+    let (coarse, work) = (coarser(&fine), Work::default());
+    let (whole, paintings) = (surface(&coarse), evenly(&canvases));
+    let painted = lay(&coarse, &whole, &paintings, &hand, 0.0, &work).unwrap();
+    let company = Company::new(&whole, &paintings, &hand, &painted.strokes, &work).unwrap().unwrap();
+    for columns in [0..20, 40..96] {
+        let part = fine.subset(&of_wall(|x, _| columns.contains(&x)));
+        let surface = Surface::part_of(&part, &whole, &work).unwrap();
+        let laid = lay_beside(&part, &surface, &paintings, (&hand, 0.0, &company), &work).unwrap();
+        let is_known = |own: &Arc<_>| painted.strokes.textures.iter().any(|known| Arc::ptr_eq(known, own));
+        assert!(!laid.strokes.textures.is_empty() && laid.strokes.textures.iter().all(is_known));
+    }
+}
+
+#[test]
 fn a_part_far_from_the_whole_is_as_one_beside_it() {
     let scene = wall(40);
     let mut far = scene.clone();
