@@ -414,6 +414,57 @@ mod styled {
         });
     }
 
+    /// Cells before the camera, and half of those behind it.
+    const SEEN: usize = 100;
+
+    /// Writes a world of small cells in three grids, of which a camera sees the first.
+    fn write_many_cells(folder: &Path) {
+        let n = 3 * SEEN;
+        let center = |i: usize| {
+            let [x, y] = [i % 10, i / 10 % 10].map(|i| 2.0 * i as f32 - 9.0);
+            Vec3::new(x, y, [-40.0, 40.0, 50.0][i / SEEN])
+        };
+        let mut scene = Scene { features: None, decoder: None, ..small_scene(8 * n, 1) };
+        for (i, mean) in scene.means.iter_mut().enumerate() {
+            *mean += center(i / 8);
+        }
+        write_scene(&folder.join("0.sog"), &scene).unwrap();
+        let cell = |i: usize| Cell {
+            bounds: [center(i) - Vec3::ONE, center(i) + Vec3::ONE],
+            levels: vec![Some(Run { file: 0, range: 8 * i..8 * (i + 1) })],
+        };
+        let nodes = (0..n).map(cell).collect();
+        let levels = Levels { n_levels: 1, files: vec!["0.sog".into()], environment: None, nodes };
+        fs::write(folder.join(FILE), levels.write()).unwrap();
+    }
+
+    #[test]
+    fn many_parts_are_painted_at_a_time_and_those_that_are_seen_first() {
+        let mut game = Game::new(write_many_cells);
+        game.app.insert_resource(GaussianBudget { gaussians: 10_000, ..default() });
+        let world = game.world;
+        let is_settled =
+            move |app: &mut World| app.get::<WorldState>(world).is_some_and(WorldState::is_settled);
+        update_until(&mut game.app, "all cells", is_settled);
+        let painting = add(&mut game.app, noise(1, [200, 40, 30], [20, 40, 180]));
+        game.app.world_mut().entity_mut(world).insert(StyleSource::image(painting));
+        // The first to be painted. The scene that they are painted like is hidden.
+        let mut given = Vec::new();
+        update_until(&mut game.app, "a first part", |app| {
+            let mut runs = app.query_filtered::<(&LoadedScene, &Visibility), With<StyleSource>>();
+            let shown = runs.iter(app).filter(|(_, visibility)| **visibility != Visibility::Hidden);
+            given = shown.map(|(scene, _)| scene.scene().means[0].z).collect();
+            !given.is_empty()
+        });
+        // Two threads, and 64 of the smallest for each.
+        assert_eq!(given.len(), 128);
+        assert_eq!(given.iter().filter(|z| **z < 0.0).count(), SEEN);
+        update_until(&mut game.app, "a painted world", is_settled);
+        let mut painted = game.app.world_mut().query_filtered::<&Visibility, With<AppliedStyle>>();
+        let shown = painted.iter(game.app.world()).filter(|visibility| **visibility != Visibility::Hidden);
+        assert_eq!(shown.count(), 3 * SEEN);
+    }
+
     #[test]
     fn a_finer_level_keeps_the_strokes_of_the_coarser_one() {
         let mut game = Game::new(|_| {});

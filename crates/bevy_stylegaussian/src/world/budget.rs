@@ -60,7 +60,7 @@ pub struct GaussianBudget {
     /// The most Gaussians of files that are being read at a time. One file is always read, whatever its size.
     pub in_flight: usize,
     /// The most Gaussians that are handed to the GPU in a frame. A part counts as 4096 of them at least. One
-    /// part always is, whatever its size.
+    /// part always is, whatever its size. If a style changes, no more are painted at a time.
     pub per_frame: usize,
 }
 
@@ -104,6 +104,15 @@ impl Machine {
         };
         GaussianBudget::new(gaussians.min(whole(self.largest_binding / RECORD_BYTES)))
     }
+}
+
+/// Adds to a sum that has a limit, which the first part may exceed. Returns whether it did.
+pub(super) fn within((limit, sum): &mut (usize, usize), part: usize) -> bool {
+    let fits = *sum == 0 || sum.saturating_add(part) <= *limit;
+    if fits {
+        *sum = sum.saturating_add(part.max(1));
+    }
+    fits
 }
 
 /// The number as a `usize`, or the largest one if it does not fit.
@@ -178,6 +187,16 @@ mod tests {
         assert_eq!(of(DiscreteGpu, None, false, 16 << 20), 1 << 20);
         let GaussianBudget { gaussians, in_flight, per_frame } = GaussianBudget::default();
         assert_eq!((gaussians, in_flight, per_frame), (3_000_000, 1_000_000, 250_000));
+    }
+
+    #[test]
+    fn a_limit_lets_one_part_pass() {
+        let mut sum = (10, 0);
+        assert!(within(&mut sum, 25) && !within(&mut sum, 1));
+        let mut sum = (10, 0);
+        assert!(within(&mut sum, 6) && within(&mut sum, 4) && !within(&mut sum, 1));
+        // One without Gaussians counts too.
+        assert!(within(&mut (0, 0), 0));
     }
 
     #[test]

@@ -8,6 +8,7 @@ use std::{
 use bevy::{
     asset::{AssetPath, LoadState},
     ecs::system::SystemParam,
+    platform::collections::HashSet,
     prelude::*,
     window::RequestRedraw,
 };
@@ -24,8 +25,11 @@ use crate::{
     work::{Lane, Running, Workers},
 };
 
-/// Runs whose looks are read or cut at a time. What waits longer can be overtaken by what a camera turned to.
-const AT_ONCE: usize = 8;
+/// Runs whose looks are read or cut at a time, and the chunks that are read for them. What waits longer can be
+/// overtaken by what a camera turned to. A frame begins the next ones, so as many runs fill a frame of 16 ms if
+/// each takes a quarter of a millisecond. A chunk is many times as large as a run.
+const AT_ONCE: usize = 64;
+const CHUNKS_AT_ONCE: usize = 8;
 
 /// The look of a run.
 #[derive(Component)]
@@ -144,13 +148,13 @@ pub(super) struct Sources<'w, 's> {
     textures: Local<'s, Textures>,
 }
 
-/// Gives runs their looks: those that are largest on screen first, a few at a time.
+/// Gives runs their looks, some at a time: those that are seen first, and of these the largest on screen.
 pub(super) fn cut_looks(
     mut worlds: Query<(&mut Tree, Option<&StyleSource>), Without<Run>>,
     mut runs: Query<(Entity, &Run, Option<&mut RunLook>)>,
     mut sources: Sources,
 ) {
-    let (mut waiting, mut n_busy) = (Vec::new(), 0);
+    let (mut waiting, mut n_busy, mut reading) = (Vec::new(), 0, HashSet::new());
     for (entity, run, look) in &mut runs {
         let Ok((mut tree, source)) = worlds.get_mut(run.world) else { continue };
         let Some(folder) = source.and_then(StyleSource::folder_of_looks) else {
@@ -170,23 +174,37 @@ pub(super) fn cut_looks(
                     }
                 }
                 n_busy += usize::from(matches!(look.stage, Stage::Reading { .. } | Stage::Cutting { .. }));
+                if let Stage::Reading { place, .. } = &look.stage {
+                    reading.insert((run.world, place.file));
+                }
             }
-            None => {
-                let node = run.node.and_then(|node| tree.nodes.get(node));
-                waiting.push((node.map_or(f32::MAX, |node| node.pixels), entity, run.world, run.node));
-            }
+            None => waiting.push((tree.turn(run.node), entity, run.world, run.node)),
         }
     }
     if n_busy > 0 || !waiting.is_empty() {
         sources.redraw.write(RequestRedraw);
     }
-    waiting.sort_by(|(a, first, ..), (b, second, ..)| b.total_cmp(a).then(first.cmp(second)));
-    for (_, entity, world, node) in waiting.into_iter().take(AT_ONCE.saturating_sub(n_busy)) {
+    waiting.sort_unstable();
+    for (_, entity, world, node) in waiting {
+        if n_busy >= AT_ONCE {
+            break;
+        }
         let Ok((tree, Some(source))) = worlds.get(world) else { continue };
         let Some(folder) = source.folder_of_looks() else { continue };
         let stage = match node {
             Some(node) => match tree.place(node, entity) {
-                Some(place) => sources.reading(tree, folder, place),
+                Some(place) => {
+                    let chunk = (world, place.file);
+                    if reading.len() >= CHUNKS_AT_ONCE && !reading.contains(&chunk) {
+                        continue;
+                    }
+                    let stage = sources.reading(tree, folder, place);
+                    if matches!(stage, Some(Stage::Reading { .. })) {
+                        n_busy += 1;
+                        reading.insert(chunk);
+                    }
+                    stage
+                }
                 // It is about to leave.
                 None => continue,
             },

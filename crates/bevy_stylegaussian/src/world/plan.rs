@@ -136,11 +136,11 @@ pub(super) fn choose_levels(
     if nodes.iter().zip(&chosen.levels).any(is_short) {
         warn_once!("parts of worlds are not shown: their fewest Gaussians exceed GaussianBudget");
     }
-    let mut chosen = chosen.levels.into_iter().zip(chosen.pixels);
+    let mut chosen = chosen.levels.into_iter().zip(chosen.pixels).zip(chosen.is_seen);
     for (.., mut tree) in &mut worlds {
         tree.is_new = false;
-        for (node, (level, pixels)) in tree.nodes.iter_mut().zip(&mut chosen) {
-            (node.wanted, node.pixels) = (level, pixels);
+        for (node, ((level, pixels), is_seen)) in tree.nodes.iter_mut().zip(&mut chosen) {
+            (node.wanted, node.pixels, node.is_seen) = (level, pixels, is_seen);
         }
     }
 }

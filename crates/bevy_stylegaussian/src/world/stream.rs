@@ -14,7 +14,7 @@ use stylegaussian_files::{
 };
 
 use super::{
-    budget::GaussianBudget,
+    budget::{GaussianBudget, within},
     component::{GaussianWorld, WorldState},
     failure::WorldFailures,
     style::{StyleState, Styling},
@@ -347,15 +347,6 @@ impl Left {
     }
 }
 
-/// Adds to a sum that has a limit, which the first part may exceed. Returns whether it did.
-fn within((limit, sum): &mut (usize, usize), part: usize) -> bool {
-    let fits = *sum == 0 || sum.saturating_add(part) <= *limit;
-    if fits {
-        *sum = sum.saturating_add(part.max(1));
-    }
-    fits
-}
-
 /// A run as a scene of its own, whose source is the run.
 fn part_of(
     chunk: &GaussianScene,
@@ -422,15 +413,5 @@ mod tests {
         let place = levels.nodes[0].levels[0].clone().unwrap();
         let error = part_of(&chunk, &levels, &place, 10).unwrap_err().to_string();
         assert!(error.contains("9 Gaussians") && error.contains("10"), "{error}");
-    }
-
-    #[test]
-    fn a_limit_lets_one_part_pass() {
-        let mut sum = (10, 0);
-        assert!(within(&mut sum, 25) && !within(&mut sum, 1));
-        let mut sum = (10, 0);
-        assert!(within(&mut sum, 6) && within(&mut sum, 4) && !within(&mut sum, 1));
-        // One without Gaussians counts too.
-        assert!(within(&mut (0, 0), 0));
     }
 }

@@ -2,18 +2,28 @@
 
 use std::sync::Arc;
 
-use bevy::prelude::*;
+use bevy::{ecs::entity::EntityHashMap, prelude::*};
 
 use super::{
+    budget::{GaussianBudget, within},
     looks::{Given, RunLook},
     reference::{IsReference, Painted, Reference},
     tree::{Run, Tree},
 };
-use crate::style::{Beside, PaintedBeside, StyleJobs, StyleSource, StyleTransition};
+use crate::{
+    scene::LoadedScene,
+    style::{Beside, PaintedBeside, StyleJobs, StyleSource, StyleTransition},
+    work::StyleThreads,
+};
 
-/// Runs that are styled at a time. A lane of threads does one thing after another, and has the next ones in
-/// time; what waits longer can be overtaken by what a camera turned to.
-const AT_ONCE: usize = 4;
+/// Gaussians that are painted at a time, for each thread: what waits longer can be overtaken by what a camera
+/// turned to. A scene of 70,000 takes 1.5 s of two cores, so these take a third of a second of one.
+const AT_ONCE: usize = 8192;
+
+/// The Gaussians as which a smaller run counts: its job and its buffers on the GPU cost time whatever its size.
+/// A frame of 16 ms hands over 64 of them for each thread at most, as many as jobs of a quarter of a
+/// millisecond fill.
+const LEAST: usize = 128;
 
 /// The components of a run that say how it is styled.
 pub(super) type StyleState =
@@ -53,25 +63,36 @@ fn is_busy(jobs: Option<&StyleJobs>) -> bool {
     jobs.is_none_or(|jobs| jobs.of_scene.is_empty() || !jobs.of_scene.iter().all(|job| job.is_settled()))
 }
 
-/// A run, its style, and its look.
+/// A run, its style, its look, and its scene.
 type StyledRun = (
     Entity,
     &'static Run,
     Option<&'static mut StyleSource>,
-    Option<&'static StyleJobs>,
-    Option<&'static RunLook>,
+    (Option<&'static StyleJobs>, Option<&'static RunLook>, Option<&'static LoadedScene>),
 );
 
-/// Gives runs the style of their world: those that are largest on screen first, a few at a time.
+/// Gives runs the style of their world, some at a time: those that are seen first, and of these the largest on
+/// screen.
 pub(super) fn style_runs(
     mut commands: Commands,
-    mut worlds: Query<(&mut Tree, Option<&StyleSource>), Without<Run>>,
+    mut worlds: Query<(Entity, &mut Tree, Option<&StyleSource>), Without<Run>>,
     references: Query<StyleState, (With<IsReference>, Without<Run>)>,
     mut runs: Query<StyledRun>,
+    budget: Res<GaussianBudget>,
+    threads: Res<StyleThreads>,
 ) {
-    let (mut waiting, mut n_busy) = (Vec::new(), 0);
-    for (entity, run, own, jobs, look) in &mut runs {
-        let Ok((mut tree, source)) = worlds.get_mut(run.world) else { continue };
+    // The painted scenes of the worlds whose runs can be painted.
+    let mut ready: EntityHashMap<Option<Arc<Beside>>> = EntityHashMap::default();
+    for (world, mut tree, source) in &mut worlds {
+        let Some(source) = source.filter(|source| !source.is_none()) else { continue };
+        if let Some(beside) = tree.beside(source, &references, &mut commands) {
+            ready.insert(world, beside);
+        }
+    }
+    let most = threads.count.max(1).saturating_mul(AT_ONCE).min(budget.per_frame);
+    let (mut waiting, mut painting) = (Vec::new(), (most, 0));
+    for (entity, run, own, (jobs, look, loaded)) in &mut runs {
+        let Ok((_, tree, source)) = worlds.get(run.world) else { continue };
         let (source, look) = match source.map_or(Given::There(None), |source| Given::of(source, look)) {
             Given::There(look) => (source, look),
             // What is shown stays until then.
@@ -91,33 +112,36 @@ pub(super) fn style_runs(
                 if *own != *wanted {
                     *own = wanted.into_owned();
                 }
-                n_busy += usize::from(!source.is_none() && is_busy(jobs));
-            }
-            (Some(source), _) => {
-                if tree.beside(source, &references, &mut commands).is_some() {
-                    let node = run.node.and_then(|node| tree.nodes.get(node));
-                    // Surroundings are everywhere.
-                    let pixels = node.map_or(f32::MAX, |node| node.pixels);
-                    waiting.push((pixels, entity, run.world, look.cloned()));
+                if !source.is_none() && jobs.is_none_or(StyleJobs::are_computing) {
+                    painting.1 += counted(loaded);
                 }
             }
+            (Some(_), _) if ready.contains_key(&run.world) => waiting.push((tree.turn(run.node), entity)),
+            (Some(_), _) => {}
         }
     }
-    waiting.sort_by(|(a, first, ..), (b, second, ..)| b.total_cmp(a).then(first.cmp(second)));
-    for (_, entity, world, look) in waiting.into_iter().take(AT_ONCE.saturating_sub(n_busy)) {
-        let Ok((mut tree, Some(source))) = worlds.get_mut(world) else { continue };
-        let beside = tree.beside(source, &references, &mut commands).flatten();
+    waiting.sort_unstable();
+    for (_, entity) in waiting {
+        let Ok((_, run, _, (_, look, loaded))) = runs.get(entity) else { continue };
+        let (Ok((_, _, Some(source))), Some(beside)) = (worlds.get(run.world), ready.get(&run.world)) else {
+            continue;
+        };
+        let Given::There(look) = Given::of(source, look) else { continue };
+        if !within(&mut painting, counted(loaded)) {
+            break;
+        }
         let mut run = commands.entity(entity);
-        run.try_insert(source.for_part(look.as_ref()).into_owned());
+        run.try_insert(source.for_part(look).into_owned());
         match beside {
-            Some(beside) => {
-                run.try_insert(PaintedBeside(beside));
-            }
-            None => {
-                run.try_remove::<PaintedBeside>();
-            }
-        }
+            Some(beside) => run.try_insert(PaintedBeside(Arc::clone(beside))),
+            None => run.try_remove::<PaintedBeside>(),
+        };
     }
+}
+
+/// The Gaussians as which a run counts.
+fn counted(loaded: Option<&LoadedScene>) -> usize {
+    loaded.map_or(0, |loaded| loaded.scene().len()).max(LEAST)
 }
 
 impl Tree {

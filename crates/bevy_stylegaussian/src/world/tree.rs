@@ -46,6 +46,8 @@ pub(super) struct Node {
     pub(super) wanted: Option<usize>,
     /// Pixels along it in the view that is nearest to it, or that was a moment ago.
     pub(super) pixels: f32,
+    /// Whether a camera sees it, or is about to.
+    pub(super) is_seen: bool,
     pub(super) shown: Option<Shown>,
     pub(super) coming: Option<Coming>,
     /// The way in which the run that is shown has come, until it is there.
@@ -98,6 +100,9 @@ pub(super) struct Run {
     pub(super) is_drawable: bool,
 }
 
+/// A turn, by which runs are sorted.
+pub(super) type Turn = (Reverse<bool>, Reverse<u32>);
+
 impl Tree {
     /// The nodes of a manifest, none of which is shown.
     pub(super) fn new(levels: &Arc<Levels>, path: Option<AssetPath<'static>>) -> Self {
@@ -105,6 +110,7 @@ impl Tree {
             counts: node.levels.iter().map(|run| run.as_ref().map_or(0, |run| run.range.len())).collect(),
             wanted: None,
             pixels: 0.0,
+            is_seen: false,
             shown: None,
             coming: None,
             fading: None,
@@ -165,6 +171,15 @@ impl Tree {
             (self.nodes[i].shown.is_some(), Reverse(self.nodes[i].error().to_bits()))
         });
         waiting
+    }
+
+    /// The turn of a run of a node in what is done for runs one after another: those that are seen come first,
+    /// and of these the largest on screen. Surroundings, which have no node, are everywhere.
+    pub(super) fn turn(&self, node: Option<usize>) -> Turn {
+        let node = node.and_then(|node| self.nodes.get(node));
+        let (is_seen, pixels) = node.map_or((true, f32::MAX), |node| (node.is_seen, node.pixels));
+        // Pixels are not negative, and the bits of such floats sort as they do.
+        (Reverse(is_seen), Reverse(pixels.to_bits()))
     }
 
     /// Notes that a chunk cannot be had. What is shown of it stays.
@@ -305,6 +320,15 @@ mod tests {
         tree.nodes[1].shown = shown(0);
         assert_eq!(tree.waiting(), [0, 2]);
         assert_eq!(tree.nodes.iter().map(Node::n_shown).collect::<Vec<_>>(), [0, 100, 10]);
+    }
+
+    #[test]
+    fn what_is_seen_comes_before_what_is_large() {
+        let mut tree = tree([5.0, 90.0, 10.0]);
+        (tree.nodes[0].is_seen, tree.nodes[2].is_seen) = (true, true);
+        let mut nodes = [Some(0), Some(1), Some(2), None];
+        nodes.sort_by_key(|node| tree.turn(*node));
+        assert_eq!(nodes, [None, Some(2), Some(0), Some(1)]);
     }
 
     #[test]

@@ -48,6 +48,11 @@ impl StyleJobs {
     pub(crate) fn shown(&self) -> Option<&Arc<SharedStyle>> {
         self.of_scene.first()?.shown.as_ref()
     }
+
+    /// Whether a style is still to be computed, also of a scene that is not attached yet.
+    pub(crate) fn are_computing(&self) -> bool {
+        self.of_scene.is_empty() || self.of_scene.iter().any(StyleJob::is_computing)
+    }
 }
 
 /// Share of a style's first computation that the scene's surface takes: 1.1 of 1.5 s on the demo scene.
@@ -139,6 +144,12 @@ impl StyleJob {
     /// Whether the style that is wanted is shown.
     pub(crate) fn is_settled(&self) -> bool {
         self.wanted.is_none() && matches!(self.stage, Stage::Idle)
+    }
+
+    /// Whether the style that is wanted is still to be computed.
+    fn is_computing(&self) -> bool {
+        let is_under_way = matches!(&self.stage, Stage::Computing { shared, .. } if !shared.is_there());
+        self.wanted.is_some() || is_under_way
     }
 
     /// Share of the style under way that is computed, 0..1, or `None` if there is none.

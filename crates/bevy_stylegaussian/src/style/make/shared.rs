@@ -28,7 +28,14 @@ const MAX_UNUSED: usize = 8;
 
 /// The styles that are computed or wanted, those used last at the end.
 #[derive(Resource, Default)]
-pub(crate) struct SharedStyles(Vec<Arc<SharedStyle>>);
+pub(crate) struct SharedStyles(Vec<Known>);
+
+/// A style that is computed or wanted.
+struct Known {
+    /// The address of its scene, so that a search among those of thousands of scenes touches no other memory.
+    scene: usize,
+    style: Arc<SharedStyle>,
+}
 
 /// A style of a scene that is being computed, or is there. The computation is canceled if the last reference
 /// goes.
@@ -45,19 +52,23 @@ impl SharedStyles {
         workers: &Workers,
         packed: &PackedInputs,
     ) -> Arc<SharedStyle> {
-        let found = self.0.iter().position(|shared| *shared.request == request);
-        let shared = match found {
+        let scene = Arc::as_ptr(&request.scene.0) as usize;
+        let is_asked = |known: &Known| known.scene == scene && *known.style.request == request;
+        let known = match self.0.iter().position(is_asked) {
             Some(index) => self.0.remove(index),
             None => {
                 // A pin on a style that is there needs no search, and no picture.
-                let pinned = self.0.iter().rev().filter(|shared| shared.request.pins_others(&request));
-                let like = pinned.filter_map(|shared| shared.poll()?.ok()).next();
+                let of_scene = self.0.iter().rev().filter(|known| known.scene == scene);
+                let pinned = of_scene.filter(|known| known.style.request.pins_others(&request));
+                let like = pinned.filter_map(|known| known.style.poll()?.ok()).next();
                 let request = Arc::new(request);
-                Arc::new(SharedStyle { computed: request.start(like, workers, packed), request })
+                let computed = request.start(like, workers, packed);
+                Known { scene, style: Arc::new(SharedStyle { computed, request }) }
             }
         };
-        self.0.push(Arc::clone(&shared));
-        shared
+        let style = Arc::clone(&known.style);
+        self.0.push(known);
+        style
     }
 }
 
@@ -68,7 +79,7 @@ pub(crate) fn forget_unused_styles(
     // Bevy puts a copy into the main world. It is absent if the app does not render.
     renderer: Option<Res<RenderAdapterInfo>>,
 ) {
-    let is_unused = |style: &Arc<SharedStyle>| Arc::strong_count(style) == 1;
+    let is_unused = |known: &Known| Arc::strong_count(&known.style) == 1;
     if !shared.0.iter().any(is_unused) {
         return;
     }
@@ -76,12 +87,12 @@ pub(crate) fn forget_unused_styles(
     let mut kept: Vec<_> = std::mem::take(&mut shared.0)
         .into_iter()
         .rev()
-        .filter(|style| {
-            if !is_unused(style) {
+        .filter(|known| {
+            if !is_unused(known) {
                 return true;
             }
             // Canceled ones are dropped, and push out none.
-            let is_kept = n_unused < MAX_UNUSED && style.is_worth_keeping(&scenes, renderer.is_some());
+            let is_kept = n_unused < MAX_UNUSED && known.style.is_worth_keeping(&scenes, renderer.is_some());
             n_unused += usize::from(is_kept);
             is_kept
         })
@@ -97,6 +108,11 @@ impl SharedStyle {
             Ok(computed) => computed.clone(),
             Err(Canceled) => Err(Arc::new(StyleError::Ended)),
         })
+    }
+
+    /// Whether it is computed, or has failed.
+    pub(crate) fn is_there(&self) -> bool {
+        self.computed.get().is_some()
     }
 
     /// Share of the computation that is done, 0..1.

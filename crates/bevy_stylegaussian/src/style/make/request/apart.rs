@@ -103,7 +103,14 @@ impl StyleRequest {
                 if self.only_moves() {
                     laying.hand.pins = &[];
                 }
-                let painted = self.painted_apart(wanted, &Call::Lay(laying)).await?;
+                let mut painted = self.painted_apart(wanted, &Call::Lay(laying)).await?;
+                // The answer has textures of its own. Each would take one of the few places on the GPU.
+                let known = self.beside.iter().flat_map(|Same(beside)| &beside.strokes.textures);
+                for texture in &mut painted.strokes.textures {
+                    if let Some(known) = known.clone().find(|known| **known == *texture) {
+                        *texture = Arc::clone(known);
+                    }
+                }
                 let looks = self.looks.iter().map(WeightedLook::as_part).collect();
                 let weight = numbers.iter().map(|(_, weight)| weight).sum();
                 let styles = restyle::Styles::Laid { painted, weight };
