@@ -9,11 +9,15 @@
 use std::{env, f32::consts::PI, fs};
 
 use bevy::{
-    asset::UnapprovedPathMode, core_pipeline::tonemapping::Tonemapping, math::bounding::Aabb3d, prelude::*,
+    asset::UnapprovedPathMode,
+    core_pipeline::tonemapping::Tonemapping,
+    math::bounding::Aabb3d,
+    prelude::*,
+    tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
 };
 use bevy_stylegaussian::{
     prelude::*,
-    stylegaussian::collision::{VoxelSettings, Voxels},
+    stylegaussian::collision::{CollisionBox, CollisionError, VoxelSettings, Voxels},
     stylegaussian_files::world::FILE,
 };
 
@@ -42,7 +46,7 @@ fn main() -> AppExit {
         }))
         .add_plugins(StyleGaussianPlugin::default())
         .add_systems(Startup, (setup, backdrop::spawn))
-        .add_systems(Update, (fit_world, find_solids, drop_balls))
+        .add_systems(Update, (fit_world, find_solids, take_solids, drop_balls))
         .add_systems(FixedUpdate, fall)
         .run()
 }
@@ -50,6 +54,10 @@ fn main() -> AppExit {
 /// The boxes of a scene or of a part of a world, in world space.
 #[derive(Component)]
 struct Solids(Vec<Aabb3d>);
+
+/// The boxes of a scene, while a task finds them.
+#[derive(Component)]
+struct Finding(Task<Result<Vec<Aabb3d>, CollisionError>>);
 
 /// A ball's velocity, in world units per second.
 #[derive(Component)]
@@ -93,26 +101,37 @@ fn fit_world(
     }
 }
 
-/// Makes boxes of a scene once it is there. A part of a world is a scene, too: its boxes go with it when
-/// another level takes its place.
+/// Has boxes of a scene found once it is there. A part of a world is a scene, too: it is there before it is
+/// shown, and its boxes go with it when another level takes its place.
 fn find_solids(
     mut commands: Commands,
     mut ready: MessageReader<GaussianSceneReady>,
     splats: Query<(&GaussianSplats, &GlobalTransform)>,
     scenes: Res<Assets<GaussianScene>>,
-) -> Result {
+) {
     for event in ready.read() {
         let Ok((splats, place)) = splats.get(event.entity) else { continue };
-        let Some(scene) = scenes.get(&splats.0) else { continue };
-        let (scale, rotation, _) = place.to_scale_rotation_translation();
-        let voxels = Voxels::new(scene.scene(), &VoxelSettings { size: VOXEL / scale.x, ..default() })?;
-        let solid = |min: Vec3, max: Vec3| {
-            // The only turn is half a turn, after which a box still lies along the axes.
-            let half = (rotation * (0.5 * scale * (max - min))).abs();
-            Aabb3d::new(place.transform_point(0.5 * (min + max)), half)
-        };
-        let solids = voxels.boxes().into_iter().map(|of| solid(of.min, of.max)).collect();
-        commands.entity(event.entity).try_insert(Solids(solids));
+        let Some(scene) = scenes.get(&splats.0).cloned() else { continue };
+        let place = *place;
+        let solids = AsyncComputeTaskPool::get().spawn(async move {
+            let (scale, rotation, _) = place.to_scale_rotation_translation();
+            let solid = |CollisionBox { min, max }| {
+                // The only turn is half a turn, after which a box still lies along the axes.
+                let half = (rotation * (0.5 * scale * (max - min))).abs();
+                Aabb3d::new(place.transform_point(0.5 * (min + max)), half)
+            };
+            Voxels::new(scene.scene(), &VoxelSettings { size: VOXEL / scale.x, ..default() })
+                .map(|voxels| voxels.boxes().into_iter().map(solid).collect::<Vec<_>>())
+        });
+        commands.entity(event.entity).try_insert(Finding(solids));
+    }
+}
+
+/// Takes over boxes that were found.
+fn take_solids(mut commands: Commands, mut finding: Query<(Entity, &mut Finding)>) -> Result {
+    for (entity, mut finding) in &mut finding {
+        let Some(solids) = check_ready(&mut finding.0) else { continue };
+        commands.entity(entity).try_remove::<Finding>().try_insert(Solids(solids?));
     }
     Ok(())
 }

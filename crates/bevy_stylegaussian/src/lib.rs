@@ -146,7 +146,7 @@ pub mod prelude {
             StyleInput, StyleLiving, StyleMethod, StylePrepare, StyleRecolored, TransitionClock,
             TransitionShape,
         },
-        world::{GaussianBudget, GaussianWorld, GaussianWorldFailed, WorldManifest, WorldState},
+        world::{GaussianBudget, GaussianWorld, GaussianWorldFailed, WorldManifest, WorldPart, WorldState},
     };
     #[cfg(feature = "refine")]
     pub use crate::{StyleRefine, style::StyleRefined};

@@ -1,4 +1,4 @@
-//! The component that shows a scene.
+//! The component that shows a scene, and the mark of those that are parts of a world.
 
 use bevy::{
     asset::AsAssetId,
@@ -22,6 +22,20 @@ use super::asset::GaussianScene;
 #[component(on_add = add_visibility_class::<GaussianSplats>)]
 #[reflect(Component, Clone, Debug, Default, PartialEq)]
 pub struct GaussianSplats(pub Handle<GaussianScene>);
+
+/// A part of a [`GaussianWorld`](crate::world::GaussianWorld) at one level: beside the [`GaussianSplats`] of an
+/// entity that the plugin makes, from its first frame on. It is in the world's space. At first it is hidden,
+/// while it is uploaded and painted. It is despawned soon after another level has taken its place.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[reflect(Component, Clone, Debug, PartialEq)]
+pub struct WorldPart {
+    /// The entity of the world.
+    pub world: Entity,
+    /// The number of the part among those of the manifest.
+    pub part: usize,
+    /// Its level: 0 is the finest.
+    pub level: usize,
+}
 
 impl AsAssetId for GaussianSplats {
     type Asset = GaussianScene;

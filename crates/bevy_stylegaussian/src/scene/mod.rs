@@ -30,7 +30,7 @@ mod loader;
 mod per_scene;
 
 pub use asset::GaussianScene;
-pub use component::GaussianSplats;
+pub use component::{GaussianSplats, WorldPart};
 pub use failure::{GaussianSceneError, GaussianSceneFailed};
 pub use fit::FitScene;
 pub use loader::SceneSettings;
@@ -60,6 +60,7 @@ impl Plugin for ScenePlugin {
             .add_message::<GaussianSceneFailed>()
             .register_type::<GaussianScene>()
             .register_type::<GaussianSplats>()
+            .register_type::<WorldPart>()
             .register_type::<FitScene>()
             .register_type::<GaussianSceneFailed>()
             // `WindowPlugin` adds it too, but not every app has one.

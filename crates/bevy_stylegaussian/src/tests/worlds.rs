@@ -16,7 +16,7 @@ use super::world::{rendering::*, *};
 use crate::{
     AppliedStyle, GaussianScene, GaussianSplats, SplatTint, StyleGaussianPlugin, StyleSource,
     scene::LoadedScene,
-    world::{GaussianBudget, GaussianWorld, GaussianWorldFailed, WorldState},
+    world::{GaussianBudget, GaussianWorld, GaussianWorldFailed, WorldPart, WorldState},
 };
 
 /// Gaussians of a cell at each level, the finest first.
@@ -115,7 +115,9 @@ fn children(app: &mut World, world: Entity) -> Vec<(Entity, usize, usize)> {
 /// Gaussians that each cell shows.
 fn shown(app: &mut World, world: Entity) -> [usize; 4] {
     let mut found = [0; 4];
-    for (_, cell, n) in children(app, world) {
+    for (run, cell, n) in children(app, world) {
+        let level = COUNTS.iter().position(|count| *count == n).unwrap();
+        assert_eq!(app.get::<WorldPart>(run), Some(&WorldPart { world, part: cell, level }));
         found[cell] += n;
     }
     found

@@ -10,33 +10,46 @@
 //!
 //! # Collision
 //!
-//! A part that is shown is an entity with a [`GaussianSplats`](crate::GaussianSplats) of its own, below that of
-//! the world. So colliders are made as for any scene, in the space of the part's entity, and go with it when
-//! another level takes its place. The coarser a level is, the thicker its boxes are. The example `collision`
-//! takes a world.
+//! A part is an entity with a [`WorldPart`] and a [`GaussianSplats`](crate::GaussianSplats) of its own, below
+//! that of the world. So colliders are made as for any scene, in the space of the part's entity, and go with it
+//! when another level takes its place. A part arrives before it is shown. If an observer begins then, in a
+//! task, the boxes are mostly there before those of the coarser level go. The coarser a level is, the thicker
+//! its boxes are. The examples `collision` and `avian` take a world.
 //!
 //! ```
-//! # use bevy::prelude::*;
+//! # use bevy::{prelude::*, tasks::{AsyncComputeTaskPool, Task, futures::check_ready}};
 //! # use bevy_stylegaussian::{
-//! #     prelude::*, stylegaussian::collision::{CollisionBox, VoxelSettings, Voxels},
+//! #     prelude::*, stylegaussian::collision::{CollisionBox, CollisionError, VoxelSettings, Voxels},
 //! # };
+//! #[derive(Component)]
+//! struct Finding(Task<Result<Vec<CollisionBox>, CollisionError>>);
+//!
 //! #[derive(Component)]
 //! struct Boxes(Vec<CollisionBox>);
 //!
-//! fn make_boxes(
+//! fn find_boxes(
+//!     arrived: On<Add, WorldPart>,
 //!     mut commands: Commands,
-//!     mut ready: MessageReader<GaussianSceneReady>,
 //!     parts: Query<&GaussianSplats>,
 //!     scenes: Res<Assets<GaussianScene>>,
-//! ) -> Result {
-//!     for event in ready.read() {
-//!         let scene = parts.get(event.entity).ok().and_then(|part| scenes.get(&part.0));
-//!         let Some(scene) = scene else { continue };
-//!         let voxels = Voxels::new(scene.scene(), &VoxelSettings { size: 0.2, ..default() })?;
-//!         commands.entity(event.entity).try_insert(Boxes(voxels.boxes()));
+//! ) {
+//!     let Some(scene) = parts.get(arrived.entity).ok().and_then(|part| scenes.get(&part.0)) else { return };
+//!     let scene = scene.clone();
+//!     let boxes = AsyncComputeTaskPool::get().spawn(async move {
+//!         let settings = VoxelSettings { size: 0.2, ..default() };
+//!         Voxels::new(scene.scene(), &settings).map(|voxels| voxels.boxes())
+//!     });
+//!     commands.entity(arrived.entity).try_insert(Finding(boxes));
+//! }
+//!
+//! fn take_boxes(mut commands: Commands, mut finding: Query<(Entity, &mut Finding)>) -> Result {
+//!     for (part, mut finding) in &mut finding {
+//!         let Some(boxes) = check_ready(&mut finding.0) else { continue };
+//!         commands.entity(part).try_remove::<Finding>().try_insert(Boxes(boxes?));
 //!     }
 //!     Ok(())
 //! }
+//! # App::new().add_observer(find_boxes).add_systems(Update, take_boxes);
 //! ```
 
 // This is the top room. `plan` follows manifests and chooses levels; `stream` reads chunks, cuts runs out of
@@ -71,6 +84,9 @@ mod views;
 pub use asset::WorldManifest;
 pub use budget::GaussianBudget;
 pub use component::{GaussianWorld, GaussianWorldFailed, WorldState};
+
+#[doc(inline)]
+pub use crate::scene::WorldPart;
 
 /// Loads and shows worlds.
 pub(crate) struct WorldPlugin;

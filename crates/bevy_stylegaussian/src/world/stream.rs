@@ -22,7 +22,7 @@ use super::{
 };
 use crate::{
     GaussianSceneReady,
-    scene::{GaussianScene, GaussianSplats, LoadedScene},
+    scene::{GaussianScene, GaussianSplats, LoadedScene, WorldPart},
     splats::SplatFade,
     style::{HiddenUntilStyled, StyleSource},
     work::{Lane, Workers},
@@ -209,7 +209,7 @@ impl Means<'_, '_> {
             Stage::Cutting(running) => match running.get() {
                 None => Ok(Some(Stage::Cutting(running))),
                 Some(Ok(Ok(scene))) => match left.may_hand(scene.scene().len()) {
-                    true => Ok(Some(Stage::Hidden(self.spawn(of, index, scene.clone())))),
+                    true => Ok(Some(Stage::Hidden(self.spawn(of, (index, coming.level), scene.clone())))),
                     false => Ok(Some(Stage::Cutting(running))),
                 },
                 Some(Ok(Err(error))) => Err(error.clone()),
@@ -263,10 +263,11 @@ impl Means<'_, '_> {
     }
 
     /// Makes the entity of a run, which is hidden.
-    fn spawn(&mut self, of: &Of, index: usize, scene: GaussianScene) -> Entity {
+    fn spawn(&mut self, of: &Of, (part, level): (usize, usize), scene: GaussianScene) -> Entity {
         let splats = GaussianSplats(self.scenes.add(scene));
-        let run = Run { world: of.entity, node: Some(index), is_drawable: false };
-        self.commands.spawn((splats, run, Visibility::Hidden, ChildOf(of.entity))).id()
+        let run = Run { world: of.entity, node: Some(part), is_drawable: false };
+        let of_world = (WorldPart { world: of.entity, part, level }, ChildOf(of.entity));
+        self.commands.spawn((splats, run, of_world, Visibility::Hidden)).id()
     }
 
     /// Shows a run in place of the one before, once it can be drawn as it should.
