@@ -34,7 +34,8 @@ const MOST_UPLOADS: usize = 32;
 /// own mask, if its `.sgs` carries one, as a [saved](Self::saved) one, or unpainted. If the entity shows other
 /// Gaussians, it begins anew. To begin anew with another file, insert another component.
 ///
-/// [`MaskVisibility`] hides painted splats or crops to them.
+/// [`MaskVisibility`] hides painted splats or crops to them. Of a world, [`WorldMask`](super::WorldMask) is the
+/// mask.
 ///
 /// If a world is saved by reflection, the weights are part of it, compressed; steps that can be undone are not.
 /// That takes as long as [`to_stored`](Self::to_stored). In the loaded world the mask is ready a moment after
@@ -62,7 +63,7 @@ pub(super) struct Painted {
 }
 
 /// A number that was not returned before.
-fn next_revision() -> u64 {
+pub(super) fn next_revision() -> u64 {
     static NEXT: AtomicU64 = AtomicU64::new(1);
     // Only compared for equality.
     NEXT.fetch_add(1, Ordering::Relaxed)
@@ -115,9 +116,15 @@ impl Painted {
     /// Makes a change that can be undone.
     fn edit(&mut self, change: impl FnOnce(&mut Mask, &[Vec3]) -> Edit) {
         self.finish_stroke();
+        let edit = self.change(change);
+        self.history.push(edit);
+    }
+
+    /// Makes a change, and returns it.
+    pub(super) fn change(&mut self, change: impl FnOnce(&mut Mask, &[Vec3]) -> Edit) -> Edit {
         let edit = change(&mut self.mask, &self.scene.means);
         self.note(edit.ranges(UPLOAD_GAP, MOST_UPLOADS));
-        self.history.push(edit);
+        edit
     }
 
     /// Undoes or makes again.

@@ -2,7 +2,7 @@
 //!
 //! [`StyleMask`] is the component that holds them. It may begin as a [`SavedMask`], and the entity gets a
 //! [`StyleMaskFailed`] if that does not fit. [`MaskVisibility`] hides what is painted. [`lasso_in_view`] makes
-//! a selection of what a player draws on the screen.
+//! a selection of what a player draws on the screen. A [`WorldMask`] is a mask of all parts of a world.
 
 // An entity's `StyleMask` is fitted to its scene (`fit`), painted by the game, and its changes are uploaded
 // (`gpu`). Drawing and mixing read it there. This room knows scenes and nothing else.
@@ -20,12 +20,14 @@ mod fit;
 mod gpu;
 mod hidden;
 mod lasso;
+mod parts;
 mod weights;
 
 pub use asset::SavedMask;
 pub use component::{MaskVisibility, StyleMask};
 pub use fit::{StyleMaskError, StyleMaskFailed};
 pub use lasso::lasso_in_view;
+pub use parts::{MaskEdit, WorldMask};
 
 pub(crate) use gpu::RenderMasks;
 pub(crate) use hidden::HiddenFromRays;
@@ -45,7 +47,9 @@ impl Plugin for MaskPlugin {
             // A mask is fitted to the attached scene.
             .add_systems(
                 PostUpdate,
-                (fit::fit_masks, hidden::hide_from_rays).chain().after(StyleGaussianSystems::Scenes),
+                (parts::give_masks, fit::fit_masks, parts::take_over_edits, hidden::hide_from_rays)
+                    .chain()
+                    .after(StyleGaussianSystems::Scenes),
             );
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
             render_app

@@ -23,8 +23,9 @@ use stylegaussian_files::{read_scene, write_mask, write_scene};
 
 use crate::{
     GaussianScene, GaussianSceneFailed, GaussianSplats, MaskVisibility, StyleMask,
-    mask::{RenderMasks, SavedMask, StyleMaskFailed, lasso_in_view},
+    mask::{MaskEdit, RenderMasks, SavedMask, StyleMaskFailed, WorldMask, lasso_in_view},
     style::decoder::StyleBackend,
+    world::WorldPart,
 };
 
 use super::world::{rendering::*, *};
@@ -46,6 +47,61 @@ fn patterned(n: usize) -> Mask {
     let mut mask = Mask::new(n);
     (0..n).for_each(|i| mask.weights[i] = [i as u8, 0, 255 - i as u8, 0]);
     mask
+}
+
+#[test]
+fn parts_take_over_the_mask_of_their_world_whenever_they_arrive() {
+    let mut app = app_without_rendering();
+    let world = app.world_mut().spawn((WorldMask::default(), MaskVisibility::Hide(0))).id();
+    let arrive = |app: &mut App, seed: u64| {
+        let splats = GaussianSplats(add_scene(app, small_scene(60, seed)));
+        app.world_mut().spawn((splats, WorldPart { world, part: seed as usize, level: 0 })).id()
+    };
+    let dab = |at: Vec3| (Brush { radius: 1.2, softness: 0.3, strength: 0.7, ..default() }, at);
+    let dabs = [dab(Vec3::ZERO), dab(Vec3::splat(0.5)), dab(Vec3::splat(99.0))];
+    // The first dabs, with an inverted channel before them.
+    let expected = |seed: u64, n: usize| {
+        let (scene, mut mask) = (small_scene(60, seed), Mask::new(60));
+        mask.invert(1);
+        for (brush, at) in &dabs[..n] {
+            mask.paint(&scene.means, brush, &[*at]);
+        }
+        Some(mask.weights)
+    };
+    let change = |app: &mut App, change: &dyn Fn(&mut WorldMask)| {
+        change(&mut app.world_mut().get_mut::<WorldMask>(world).unwrap());
+        app.update();
+        app.update();
+    };
+    let paint = |n: usize| {
+        let (brush, at) = dabs[n];
+        move |mask: &mut WorldMask| mask.edit(MaskEdit::Paint { brush, centers: vec![at] })
+    };
+    change(&mut app, &|mask| mask.edit(MaskEdit::Invert { channel: 1 }));
+    change(&mut app, &paint(0));
+    let first = arrive(&mut app, 1);
+    change(&mut app, &|_| {});
+    assert_eq!(weights(&app, first), expected(1, 1));
+    assert_eq!(app.world().get::<MaskVisibility>(first), Some(&MaskVisibility::Hide(0)));
+    change(&mut app, &paint(1));
+    let second = arrive(&mut app, 2);
+    // One that is far away changes nothing.
+    change(&mut app, &paint(2));
+    for (part, seed) in [(first, 1), (second, 2)] {
+        assert_eq!(weights(&app, part), expected(seed, 2));
+    }
+    change(&mut app, &|mask| assert!(mask.undo() && mask.undo()));
+    for (part, seed) in [(first, 1), (second, 2)] {
+        assert_eq!(weights(&app, part), expected(seed, 1));
+    }
+    change(&mut app, &|mask| assert!(mask.redo() && mask.edits().count() == 3));
+    assert_eq!(weights(&app, first), expected(1, 2));
+    // A new change takes the place of those that are undone.
+    change(&mut app, &paint(2));
+    change(&mut app, &|mask| assert!(!mask.redo() && mask.edits().count() == 4));
+    app.world_mut().entity_mut(world).remove::<WorldMask>();
+    app.update();
+    assert_eq!((weights(&app, first), app.world().get::<MaskVisibility>(second)), (None, None));
 }
 
 #[test]

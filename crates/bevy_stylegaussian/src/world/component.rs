@@ -18,7 +18,8 @@ use super::{asset::WorldManifest, tree::Tree};
 /// is largest on screen. Parts stay as they were until it does. What arrives later is shown once it is painted;
 /// until then, the coarser level stays as it was painted. With
 /// [`HiddenUntilStyled`](crate::HiddenUntilStyled), the first level of a part waits for its paint as well.
-/// Pins and masks are of single scenes, and do not fit a world. Looks do if each chunk has its own
+/// Pins are of single scenes, and do not fit a world. A [`WorldMask`](crate::mask::WorldMask) is the mask of a
+/// world, and looks fit if each chunk has its own
 /// ([`StyleSource::chunk_looks`](crate::StyleSource::chunk_looks)).
 ///
 /// Some Gaussians of the coarsest levels are painted first, as one scene, and all parts are painted like it: in
