@@ -8,6 +8,7 @@ use stylegaussian::{
 
 use crate::{Layout, Source, float_constants, layout};
 
+pub mod cast;
 mod composite;
 pub mod depth;
 pub mod half;
@@ -16,6 +17,7 @@ pub mod strokes;
 mod tiles;
 
 use self::half::SplatHalf;
+use cast::{CoreCommand, SplatCore};
 pub use composite::{CompositeKind, SplatComposite, SplatEdges, composite, edges, lift};
 use depth::SplatIso;
 use strokes::{CurvePoint, StrokeChange, StrokeChunk, StrokeDraw, StrokeMotion};
@@ -166,12 +168,6 @@ fn mask(masked: bool) -> &'static str {
     }
 }
 
-/// Draws the cores of splats into a shadow map, those of clouds with a mask or of clouds without.
-pub fn cast(masked: bool) -> Source {
-    let draw = include_str!("../wgsl/splat_cast.wgsl");
-    source("splat_cast", &[RECORDS, CHUNK, mask(masked), ONE_EYE, FOOTPRINT, draw])
-}
-
 /// Counts the digits of each batch. `serial` is for software adapters.
 pub fn sort_histogram(serial: bool) -> Source {
     if serial {
@@ -222,8 +218,10 @@ pub fn sources() -> Vec<Source> {
         project(true),
         project_eyes(false),
         project_eyes(true),
-        cast(false),
-        cast(true),
+        cast::cores(false),
+        cast::cores(true),
+        cast::draw(),
+        cast::write(),
         sort_histogram(false),
         sort_scan(false),
         sort_scatter(false),
@@ -299,6 +297,8 @@ pub fn layouts() -> Vec<Layout> {
             first_vertex,
             first_instance,
         }),
+        layout!(SplatCore { center, slant, width, depth }),
+        layout!(CoreCommand { n_vertices, n_instances, first_vertex, first_instance }),
         layout!(SplatDraw { viewport }),
         layout!(SplatTiles { viewport, n_tiles, capacity, padding }),
         layout!(RunProgress { n_splats, n_tiles }),

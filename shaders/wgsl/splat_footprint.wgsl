@@ -13,6 +13,13 @@ fn flags() -> u32 {
     return select(chunk.flags, 0u, arrayLength(&gaussians) == 0u);
 }
 
+/// The opacity of a chunk's Gaussian with its mask and its fade.
+fn drawn_opacity(opacity: f32, index: u32) -> f32 {
+    // Of a cloud that is not fading, the factor is 1.
+    let faded = f32(chunk.flags >> FADED_SHIFT) / f32(MAX_FADED);
+    return shown_opacity(opacity, index) * (1.0 - faded);
+}
+
 /// Variance added to the diagonal of every 2D covariance, in px^2, so that no splat is thinner than about a
 /// pixel.
 const LOW_PASS: f32 = 0.3;

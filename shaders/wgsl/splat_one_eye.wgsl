@@ -1,4 +1,4 @@
-// Views of their own, for `splat_project` and `splat_cast`.
+// Views of their own, for `splat_project` and `splat_cores`.
 
 @group(0) @binding(0) var<uniform> chunk: SplatChunk;
 

@@ -65,9 +65,7 @@ fn splat_project(
     }
     let record = chunk.first_record + index;
     var gaussian = gaussians[index];
-    // Of a cloud that is not fading, the factor is 1.
-    let faded = f32(chunk.flags >> FADED_SHIFT) / f32(MAX_FADED);
-    gaussian.opacity = shown_opacity(gaussian.opacity, index) * (1.0 - faded);
+    gaussian.opacity = drawn_opacity(gaussian.opacity, index);
     var projected = seen(gaussian);
     if !projected.visible {
         keys[record] = INVISIBLE;

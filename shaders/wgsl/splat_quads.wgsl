@@ -19,9 +19,17 @@ fn record_of(instance: u32) -> u32 {
     return record_indices[counts.n_visible - 1u - instance];
 }
 
-/// A corner of the quad around `splat`.
+/// A corner of the quad around `splat`, in clip space.
 fn corner_of(splat: Splat, corner: u32) -> vec4<f32> {
-    return corner_within(splat, square_corner(corner), sqrt(cutoff(splat.opacity)), view.viewport);
+    let square = vec2(f32(corner & 1u), f32(corner >> 1u)) * 2.0 - 1.0;
+    // The two terms that q squares are coordinates in which the footprint is a disc. The square around that
+    // disc is a parallelogram in pixels, and no parallelogram around the ellipse has a smaller area.
+    let reach = sqrt(cutoff(splat.opacity));
+    let dy = square.y * reach * inverseSqrt(splat.y_precision);
+    let dx = square.x * reach * inverseSqrt(splat.row_precision) + splat.slope * dy;
+    let pixel = splat.center + vec2(dx, dy) - view.viewport.xy;
+    let ndc = (pixel / view.viewport.zw * 2.0 - 1.0) * vec2(1.0, -1.0);
+    return vec4(ndc, splat.depth, 1.0);
 }
 
 /// The alpha of a splat at `d` pixels from its center. `geometry` is the geometry half of its record.

@@ -22,6 +22,16 @@ struct SplatCommands {
     first_instance: u32,
 }
 
+/// The core of a splat in a shadow map: where its alpha is at least a threshold. With `place` in the disc of
+/// radius 1, it is center + (width place.x, 0) + slant place.y, in normalized device coordinates.
+struct SplatCore {
+    center: vec2<f32>,
+    slant: vec2<f32>,
+    width: f32,
+    /// Depth of the core's far end, 0..1, reverse z.
+    depth: f32,
+}
+
 /// The footprint of one Gaussian: a record of 32 bytes. Records are stored as two halves in two arrays, so that
 /// a binding holds twice as many.
 ///
@@ -81,22 +91,4 @@ fn cutoff(opacity: f32) -> f32 {
     // The opacity of a record is rounded to f16, and may be just below `MIN_ALPHA`. The logarithm is negative
     // then.
     return max(2.0 * log(opacity / MIN_ALPHA), 0.0);
-}
-
-/// A corner of the square of half width 1 around the origin.
-fn square_corner(corner: u32) -> vec2<f32> {
-    return vec2(f32(corner & 1u), f32(corner >> 1u)) * 2.0 - 1.0;
-}
-
-/// A corner, `square`, of the quad around the part of a splat with q <= reach^2, in clip space. `viewport` is
-/// left, top, width and height in pixels of the target.
-fn corner_within(splat: Splat, square: vec2<f32>, reach: f32, viewport: vec4<f32>) -> vec4<f32> {
-    // The two terms that q squares are coordinates in which the part is a disc of radius `reach`. The square
-    // around that disc is a parallelogram in pixels, and no parallelogram around the ellipse has a smaller
-    // area.
-    let dy = square.y * reach * inverseSqrt(splat.y_precision);
-    let dx = square.x * reach * inverseSqrt(splat.row_precision) + splat.slope * dy;
-    let pixel = splat.center + vec2(dx, dy) - viewport.xy;
-    let ndc = (pixel / viewport.zw * 2.0 - 1.0) * vec2(1.0, -1.0);
-    return vec4(ndc, splat.depth, 1.0);
 }

@@ -57,7 +57,8 @@ pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
             &mut msaa(&stage),
             &mut two_eyes(&stage),
             &mut half_size(&stage),
-            &mut casting(&stage),
+            &mut casting(&stage, 0.0),
+            &mut casting(&stage, 0.02),
             &mut all(&stage)?,
         ],
     )?;
@@ -268,9 +269,10 @@ impl Map {
     /// Clears the map, and draws the scene into it.
     fn draw(&mut self, stage: &Stage, encoder: &mut wgpu::CommandEncoder) -> Result<()> {
         let Gpu { device, queue, .. } = stage.gpu;
-        let casters = [Caster { cloud: stage.cloud(), threshold: stylegaussian::splat::CAST_THRESHOLD }];
+        let threshold = stylegaussian::splat::CAST_THRESHOLD;
+        let casters = [Caster { cloud: stage.cloud(), threshold, faded: 0.0 }];
         let light = (&self.camera, NEAR);
-        stage.pass.write_casters(device, queue, &mut self.casters, light, &casters)?;
+        stage.pass.project_casters(device, queue, encoder, &mut self.casters, light, &casters)?;
         stage.pass.cast(&mut depth_pass(encoder, &self.layer), &self.casters);
         Ok(())
     }
@@ -296,12 +298,14 @@ impl Map {
     }
 }
 
-/// Frames before which the scene is drawn into a shadow map.
-fn casting<'a>(stage: &'a Stage<'a>) -> impl FnMut() -> Result<f64> + 'a {
+/// Frames before which the scene is drawn into a shadow map. The light turns around its axis by `turn` per
+/// frame, in radians.
+fn casting<'a>(stage: &'a Stage<'a>, turn: f32) -> impl FnMut() -> Result<f64> + 'a {
     let mut map = Map::new(stage.gpu);
     let (mut view, mut frame) = (SplatView::new(), 0);
     move || {
         frame += 1;
+        map.camera.world_from_view *= Affine3A::from_rotation_z(turn);
         stage.gpu.time(|encoder| {
             map.draw(stage, encoder)?;
             stage.sort(encoder, &mut view, &camera(frame, 0.0), &SplatSettings::default())?;

@@ -64,8 +64,10 @@ pub struct Ratios {
     pub two_eyes_cost: Option<f64>,
     /// A frame at half the size, relative to the whole one. Smaller is better.
     pub half_size_cost: Option<f64>,
-    /// A frame with a shadow map of splats, relative to one without. Smaller is better.
+    /// A frame with a shadow map of splats and a still light, relative to one without. Smaller is better.
     pub casting_cost: Option<f64>,
+    /// The same with a light that turns. Smaller is better.
+    pub casting_anew_cost: Option<f64>,
     /// A frame with tint, fog, shadows on splats and depth, relative to one without. Smaller is better.
     pub light_cost: Option<f64>,
 }
@@ -129,12 +131,13 @@ pub mod names {
     pub const FRAME: &str = "frame, structured, 512x512";
     pub const PEER: &str = "frame, structured, 512x512, peer";
     /// Frames without a feature of light, and with each, measured in turns.
-    pub const LIGHT: [&str; 6] = [
+    pub const LIGHT: [&str; 7] = [
         "light, none",
         "light, MSAA 4",
         "light, two eyes",
         "light, half size",
         "light, casting",
+        "light, casting anew",
         "light, tint, fog, shadows and depth",
     ];
 }
@@ -234,7 +237,7 @@ impl Report {
         let peer = self.row(names::PEER, None);
         let [plain, with_features @ ..] = names::LIGHT.map(|name| Some(self.row(name, None)?.median_ms));
         let costs = with_features.map(|feature: Option<f64>| Some(feature? / plain?));
-        let [msaa_cost, two_eyes_cost, half_size_cost, casting_cost, light_cost] = costs;
+        let [msaa_cost, two_eyes_cost, half_size_cost, casting_cost, casting_anew_cost, light_cost] = costs;
         self.ratios = Ratios {
             folded_over_unfolded_cpu: self.faster(names::CPU_DECODE, names::CPU_UNFOLDED),
             cpu_decode_over_product: of_product(names::CPU_DECODE, names::CPU_UNFOLDED, names::CPU_PRODUCT),
@@ -249,6 +252,7 @@ impl Report {
             two_eyes_cost,
             half_size_cost,
             casting_cost,
+            casting_anew_cost,
             light_cost,
         };
         self.exponents = Exponents {
@@ -289,7 +293,7 @@ impl Report {
 }
 
 impl Ratios {
-    fn named(&self) -> [(&'static str, Option<f64>); 12] {
+    fn named(&self) -> [(&'static str, Option<f64>); 13] {
         [
             ("folded_over_unfolded_cpu", self.folded_over_unfolded_cpu),
             ("cpu_decode_over_product", self.cpu_decode_over_product),
@@ -302,6 +306,7 @@ impl Ratios {
             ("two_eyes_cost", self.two_eyes_cost),
             ("half_size_cost", self.half_size_cost),
             ("casting_cost", self.casting_cost),
+            ("casting_anew_cost", self.casting_anew_cost),
             ("light_cost", self.light_cost),
         ]
     }

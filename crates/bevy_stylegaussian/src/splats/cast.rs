@@ -1,7 +1,8 @@
 //! Shadows that splats cast: their cores in the shadow maps of Bevy's lights.
 //!
-//! They are drawn into each map after Bevy's meshes and before all that reads it. The maps of directional
-//! lights belong to a camera each; those of spot lights and point lights are drawn once, before all cameras.
+//! They are drawn into each map after Bevy's meshes and before all that reads it, since Bevy clears its maps in
+//! each frame. They are projected anew if the light or a caster changed. The maps of directional lights belong
+//! to a camera each; those of spot lights and point lights are drawn once, before all cameras.
 
 use std::borrow::Cow;
 
@@ -34,6 +35,7 @@ use crate::{
 use super::{
     CastsShadows,
     caster::SplatCaster,
+    fade::CloudFades,
     pipelines::SplatPipelines,
     view::{self, SplatViews},
 };
@@ -99,6 +101,11 @@ impl SplatCasts {
     pub(super) fn n(&self) -> usize {
         self.draws.iter().flatten().count() + self.of_map.len()
     }
+
+    /// How often casters were projected into the shadow maps that have any.
+    pub(super) fn n_projections(&self) -> u64 {
+        self.of_map.values().map(splat::CastView::n_projections).sum()
+    }
 }
 
 /// Requests the draws, and forgets shadow maps that are gone.
@@ -148,6 +155,7 @@ struct Casting<'w> {
     colors: Res<'w, ShownColors>,
     clock: Res<'w, StrokeClock>,
     masks: Res<'w, RenderMasks>,
+    fades: Res<'w, CloudFades>,
     device: Res<'w, RenderDevice>,
     queue: Res<'w, RenderQueue>,
 }
@@ -192,7 +200,7 @@ impl Casting<'_> {
         if !is_ready {
             return;
         }
-        let mut drawn = Vec::with_capacity(maps.len());
+        let mut seen = Vec::with_capacity(maps.len());
         for &(map, view, frustum, layers) in maps {
             let casters: Vec<splat::Caster> = self
                 .casters
@@ -213,7 +221,8 @@ impl Casting<'_> {
                     let visibility = self.masks.visibility(*entity, scene.n_gaussians());
                     let visibility = visibility.filter(|_| has_masks);
                     let cloud = splat::Cloud { scene, colors, world_from_scene, visibility };
-                    Some(splat::Caster { cloud, threshold: caster.threshold })
+                    let faded = self.fades.share(*entity);
+                    Some(splat::Caster { cloud, threshold: caster.threshold, faded })
                 })
                 .collect();
             let key = view.retained_view_entity;
@@ -227,22 +236,22 @@ impl Casting<'_> {
                 // Bevy limits the texture alone.
                 viewport: view.viewport.min(UVec4::splat(largest)),
             };
-            let of_map = self.casts.of_map.entry(key).or_default();
-            let light = (&camera, view::near(view));
-            // The draw of the clouds themselves tells of an error.
-            if passes.splat.write_casters(device, &self.queue, of_map, light, &casters).is_ok() {
-                drawn.push((map, key));
-            }
+            seen.push((map, key, camera, view::near(view), casters));
         }
-        if drawn.is_empty() {
+        if seen.is_empty() {
             return;
         }
         let diagnostics = context.diagnostic_recorder();
         let diagnostics = diagnostics.as_deref();
         let encoder = context.command_encoder();
         let span = diagnostics.time_span(encoder, span);
-        for (map, key) in drawn {
-            let Some(of_map) = self.casts.of_map.get(&key) else { continue };
+        for (map, key, camera, near, casters) in seen {
+            let of_map = self.casts.of_map.entry(key).or_default();
+            let light = (&camera, near);
+            // The draw of the clouds themselves tells of an error.
+            if passes.splat.project_casters(device, &self.queue, encoder, of_map, light, &casters).is_err() {
+                continue;
+            }
             let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
                 label: Some("splat_cast"),
                 depth_stencil_attachment: Some(map.depth_attachment.get_attachment(StoreOp::Store)),

@@ -11,6 +11,10 @@ use stylegaussian::splat::CAST_THRESHOLD;
 /// shadows, and haze does not. Splats that no camera sees cast shadows, too, and hidden ones do not. As with
 /// meshes, a light's `RenderLayers` must have one of the entity's.
 ///
+/// A shadow map of which neither the light nor a caster changes keeps the shadows of splats, and takes 4 bytes
+/// more per texel for that. Those of a light that moves, and of a sun whose maps follow a camera that moves,
+/// are drawn anew.
+///
 /// A cloud that receives shadows, too, also shades itself: a tree its ground, and not a surface itself, since
 /// the shadow of a splat begins at its far end. That is as far behind it as `threshold` says.
 ///

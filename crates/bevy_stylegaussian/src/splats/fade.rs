@@ -28,6 +28,11 @@ impl CloudFades {
         if !clouds.iter().any(|cloud| self.0.contains_key(cloud)) {
             return Vec::new();
         }
-        clouds.iter().map(|cloud| self.0.get(cloud).copied().unwrap_or(0.0)).collect()
+        clouds.iter().map(|cloud| self.share(*cloud)).collect()
+    }
+
+    /// The share of a cloud, 0 if it does not fade.
+    pub(super) fn share(&self, cloud: MainEntity) -> f32 {
+        self.0.get(&cloud).copied().unwrap_or(0.0)
     }
 }

@@ -16,6 +16,9 @@ pub(crate) struct Held {
     /// Number of draws of casters requested, and of shadow maps that have casters.
     #[cfg(feature = "pbr")]
     pub(crate) n_casts: usize,
+    /// How often casters were projected into the shadow maps that have any.
+    #[cfg(feature = "pbr")]
+    pub(crate) n_projections: u64,
 }
 
 impl Held {
@@ -34,6 +37,8 @@ impl Held {
             n_depths,
             #[cfg(feature = "pbr")]
             n_casts: world.resource::<super::cast::SplatCasts>().n(),
+            #[cfg(feature = "pbr")]
+            n_projections: world.resource::<super::cast::SplatCasts>().n_projections(),
         }
     }
 }

@@ -7,7 +7,10 @@ use bevy::{
 };
 use stylegaussian::Scene;
 
-use crate::{SplatCaster, SplatShadows, splats::Held};
+use crate::{
+    SplatCaster, SplatShadows,
+    splats::{Held, SplatFade},
+};
 
 use super::{
     pictures::{EYE, RED, Studio, pixel},
@@ -88,21 +91,72 @@ fn captures_cast_no_shadows_at_no_cost() {
     assert_eq!(held(&mut studio).n_casts, 0);
 }
 
+/// A place beside the camera, turned to the origin.
+fn beside_the_camera() -> Transform {
+    Transform::from_xyz(4.5, 0.0, 5.0).looking_at(Vec3::ZERO, Vec3::Y)
+}
+
+fn spot_light() -> SpotLight {
+    SpotLight { intensity: 4e6, shadow_maps_enabled: true, outer_angle: 0.6, ..default() }
+}
+
+/// Frames in which something moves project splats into a shadow map, and still ones do not.
+#[test]
+fn still_shadows_are_not_projected_again() {
+    let Some(mut studio) = studio_with_wall() else { return };
+    let splats = studio.splats(solid(Vec3::ZERO), Transform::default());
+    studio.app.world_mut().entity_mut(splats).insert(SplatCaster::default());
+    let n_after = |studio: &mut Studio| {
+        studio.shoot();
+        held(studio).n_projections
+    };
+    let sun = studio.app.world_mut().spawn(sun(Vec3::new(1.0, 0.0, 1.0))).id();
+    studio.shoot();
+    let n = n_after(&mut studio);
+    assert!(n > 0, "a sun projects nothing");
+    assert_eq!(n_after(&mut studio), n, "a still sun");
+    studio.app.world_mut().despawn(sun);
+
+    let lamp = studio.app.world_mut().spawn((beside_the_camera(), spot_light())).id();
+    let mut last = n_after(&mut studio);
+    assert!(last > 0, "a lamp projects nothing");
+    let moved = |by: Vec3| Transform::from_translation(by);
+    let changes: [(&str, &dyn Fn(&mut World)); 4] = [
+        ("a lamp that moves", &|world| {
+            world.entity_mut(lamp).insert(moved(Vec3::Y) * beside_the_camera());
+        }),
+        ("a cloud that moves", &|world| {
+            world.entity_mut(splats).insert(moved(0.1 * Vec3::Y));
+        }),
+        ("another threshold", &|world| {
+            world.entity_mut(splats).insert(SplatCaster { threshold: 0.5 });
+        }),
+        ("a fade", &|world| {
+            world.entity_mut(splats).insert(SplatFade(0.2));
+        }),
+    ];
+    for (what, change) in changes {
+        change(studio.app.world_mut());
+        let n = n_after(&mut studio);
+        assert!(n > last, "{what}: {n} projections, {last} before");
+        assert_eq!(n_after(&mut studio), n, "{what}, and nothing since");
+        last = n;
+    }
+}
+
 /// A lamp beside the camera, as a spot light and as a point light.
 #[test]
 fn splats_cast_shadows_of_lamps_on_meshes() {
     let Some(mut studio) = studio_with_wall() else { return };
     let splats = studio.splats(solid(Vec3::ZERO), Transform::default());
-    let place = Transform::from_xyz(4.5, 0.0, 5.0).looking_at(Vec3::ZERO, Vec3::Y);
-    let spot = SpotLight { intensity: 4e6, shadow_maps_enabled: true, outer_angle: 0.6, ..default() };
     let point = PointLight { intensity: 4e6, shadow_maps_enabled: true, ..default() };
     // From (4.5, 5) through the origin to the wall.
     let x = 4.5 * WALL / 5.0;
     for is_spot in [true, false] {
-        let lamp = studio.app.world_mut().spawn(place).id();
+        let lamp = studio.app.world_mut().spawn(beside_the_camera()).id();
         let mut of_lamp = studio.app.world_mut().entity_mut(lamp);
         if is_spot {
-            of_lamp.insert(spot)
+            of_lamp.insert(spot_light())
         } else {
             of_lamp.insert(point)
         };

@@ -29,6 +29,7 @@ mod records;
 use self::half::HalfState;
 use eyes::EyeState;
 use fades::Fades;
+pub(super) use fades::faded_flags;
 use records::{ChunkUniforms, ViewBuffers};
 
 /// Bytes from one chunk's uniforms to the next one's.
