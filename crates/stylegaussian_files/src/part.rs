@@ -12,7 +12,6 @@ use stylegaussian::Scene;
 use crate::{
     error::{FileError, mismatch},
     read_scene,
-    tile::append,
     world::{FILE, Node, Run, World},
 };
 
@@ -58,7 +57,7 @@ pub fn read_part(path: &Path, file: &str, halo: Option<f32>) -> Result<Part, Fil
     let mut warnings = Vec::new();
     let chunk = read_chunk(&path, &world, own, &mut warnings)?;
     let mut with_halo = Scene::default();
-    append(&mut with_halo, &chunk);
+    with_halo.append(&chunk);
     if let Some([low, high]) = chunk.bulk(OUTSIDE) {
         let halo = halo.unwrap_or(HALO * (high - low).max_element());
         let (low, high) = (low - halo, high + halo);
@@ -71,7 +70,7 @@ pub fn read_part(path: &Path, file: &str, halo: Option<f32>) -> Result<Part, Fil
             let is_in = |row: u32| ranges.iter().any(|range| range.contains(&(row as usize)));
             let found = (0..scene.len() as u32)
                 .filter(|&i| is_around(scene.means[i as usize]) && is_in(scene.order[i as usize]));
-            append(&mut with_halo, &scene.subset(&found.collect::<Vec<_>>()));
+            with_halo.append(&scene.subset(&found.collect::<Vec<_>>()));
         }
     }
     Ok(Part { chunk, with_halo, warnings })
@@ -90,10 +89,7 @@ pub fn read_coarsest(path: &Path) -> Result<(Scene, Vec<String>), FileError> {
         let chunk = read_chunk(&path, &world, file, &mut warnings)?;
         for range in ranges {
             let indices = Run { file, range }.of(&chunk);
-            append(
-                &mut whole,
-                &chunk.subset(&(indices.start as u32..indices.end as u32).collect::<Vec<_>>()),
-            );
+            whole.append(&chunk.subset(&(indices.start as u32..indices.end as u32).collect::<Vec<_>>()));
         }
     }
     Ok((whole, warnings))
