@@ -41,6 +41,7 @@ pub(crate) struct Whole {
     /// Moments of the captured colors, as views show them.
     pub colors: ColorMoments,
     surface: Surface,
+    canvases: Vec<(Canvas, f64)>,
     /// `None` if it has no strokes.
     company: Option<Company>,
 }
@@ -60,11 +61,10 @@ impl Whole {
             .ok_or(BakeError::NothingVisible { n_gaussians: scene.len() })?;
         let surface = surface(scene, &cameras, &work.part(0.4, 0.6))?;
         let (canvases, hand) = (canvases(paintings), Hand::default());
-        let canvases: Vec<(&Canvas, f64)> =
-            canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
-        let painted = lay(scene, &surface, &canvases, &hand, 0.0, &work.part(0.6, 0.9))?;
-        let company = Company::new(&surface, &canvases, &hand, &painted.strokes, &work.part(0.9, 1.0))?;
-        Ok(Self { colors: cameras.colors, surface, company })
+        let borrowed = borrowed(&canvases);
+        let painted = lay(scene, &surface, &borrowed, &hand, 0.0, &work.part(0.6, 0.9))?;
+        let company = Company::new(&surface, &borrowed, &hand, &painted.strokes, &work.part(0.9, 1.0))?;
+        Ok(Self { colors: cameras.colors, surface, canvases, company })
     }
 }
 
@@ -109,8 +109,15 @@ fn painted(
     paintings: &[(Image, f32)],
     work: &Work,
 ) -> Result<Painted, Canceled> {
-    let (canvases, hand) = (canvases(paintings), Hand::default());
-    let canvases: Vec<(&Canvas, f64)> = canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect();
+    let made;
+    let canvases = match whole {
+        Some(whole) => &whole.canvases,
+        None => {
+            made = canvases(paintings);
+            &made
+        }
+    };
+    let (canvases, hand) = (borrowed(canvases), Hand::default());
     if let Some(Whole { surface, company: Some(company), .. }) = whole {
         let surface = Surface::part_of(scene, surface, work)?;
         return lay_beside(scene, &surface, &canvases, (&hand, 0.0, company), work);
@@ -131,6 +138,11 @@ fn surface(scene: &Scene, cameras: &Cameras, work: &Work) -> Result<Surface, Can
 fn canvases(paintings: &[(Image, f32)]) -> Vec<(Canvas, f64)> {
     let used = paintings.iter().filter(|(_, weight)| *weight > 0.0);
     used.map(|(image, weight)| (Canvas::new(&paint_of(image)), f64::from(*weight))).collect()
+}
+
+/// Canvases as paint is laid on with them.
+fn borrowed(canvases: &[(Canvas, f64)]) -> Vec<(&Canvas, f64)> {
+    canvases.iter().map(|(canvas, weight)| (canvas, *weight)).collect()
 }
 
 /// Protection of Gaussians `[N]`, because they stand out (by their `words`) or are larger than a stroke.
