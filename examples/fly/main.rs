@@ -186,7 +186,7 @@ impl Flight {
         let mut stage = Stage::new(arguments.size, path.lens())?;
         stage.move_to(path.pose(0.0));
         let place = Transform::from_rotation(Quat::from_rotation_x(PI));
-        let budget = GaussianBudget { gaussians: arguments.budget, ..default() };
+        let budget = GaussianBudget::new(arguments.budget);
         let app = stage.app.insert_resource(budget).world_mut();
         let assets = app.resource::<AssetServer>().clone();
         let world = app.spawn((GaussianWorld(assets.load(manifest.to_path_buf())), place)).id();

@@ -3,7 +3,6 @@
 use std::{
     collections::HashSet,
     fs,
-    sync::Arc,
     time::{Duration, Instant},
 };
 
@@ -29,10 +28,7 @@ use bevy::{
     window::ExitCondition,
     winit::WinitPlugin,
 };
-use bevy_stylegaussian::{
-    prelude::*,
-    stylegaussian::{Scene, scene::Sh},
-};
+use bevy_stylegaussian::{prelude::*, stylegaussian::Scene};
 
 use super::figures::Picture;
 
@@ -234,8 +230,10 @@ impl Stage {
         shown.sort_unstable();
         let app = self.app.world();
         let scenes = app.resource::<Assets<GaussianScene>>();
-        let scene = |run: &Entity| Some(Arc::clone(scenes.get(&app.get::<GaussianSplats>(*run)?.0)?.scene()));
-        joined(&shown.iter().filter_map(scene).collect::<Vec<_>>())
+        let scene = |run: &Entity| Some(scenes.get(&app.get::<GaussianSplats>(*run)?.0)?.scene());
+        let mut all = Scene::default();
+        shown.iter().filter_map(scene).for_each(|scene| all.append(scene));
+        all
     }
 
     /// Waits until the GPU is done.
@@ -258,56 +256,9 @@ pub fn memory(name: &str) -> Option<u64> {
     Some(1024 * line.split_whitespace().next()?.parse::<u64>().ok()?)
 }
 
-/// Scenes as one, with spherical harmonics up to the least degree of all.
-fn joined(parts: &[Arc<Scene>]) -> Scene {
-    let mut all = Scene::default();
-    let degree = parts.iter().map(|part| part.sh.as_ref().map(|sh| sh.degree)).min().flatten();
-    let mut coefficients: Vec<f32> = Vec::new();
-    for part in parts {
-        let part = part.with_sh_degree_at_most(degree.unwrap_or(0));
-        all.means.extend(&part.means);
-        all.rotations.extend(&part.rotations);
-        all.scales.extend(&part.scales);
-        all.opacities.extend(&part.opacities);
-        all.filter = part.filter;
-        coefficients.extend(part.sh.iter().flat_map(|sh| &sh.coefficients));
-    }
-    all.sh = degree.map(|degree| Sh { degree, coefficients });
-    all.n_source = all.means.len();
-    all.order = (0..all.n_source as u32).collect();
-    all
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn scenes_are_joined_one_after_the_other() {
-        let part = |degree: Option<u8>, x: f32| {
-            let sh = degree
-                .map(|degree| Sh { degree, coefficients: vec![x; 3 * (usize::from(degree) + 1).pow(2)] });
-            Arc::new(Scene {
-                means: vec![Vec3::splat(x)],
-                rotations: vec![Quat::IDENTITY],
-                scales: vec![Vec3::ONE],
-                opacities: vec![1.0],
-                order: vec![0],
-                n_source: 1,
-                sh,
-                ..Scene::default()
-            })
-        };
-        let all = joined(&[part(Some(1), 1.0), part(Some(0), 2.0)]);
-        assert!(all.validate().is_ok());
-        assert_eq!(
-            (all.means[1], all.sh.unwrap().coefficients),
-            (Vec3::splat(2.0), vec![1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
-        );
-        let bare = joined(&[part(Some(1), 1.0), part(None, 2.0)]);
-        assert!(bare.validate().is_ok() && bare.sh.is_none());
-        assert!(joined(&[]).is_empty());
-    }
 
     #[test]
     fn memory_is_told_on_linux() {

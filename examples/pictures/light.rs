@@ -39,14 +39,31 @@ fn cubes(studio: &mut Studio) {
     }
 }
 
-pub fn fog(studio: &mut Studio) -> Result<()> {
+/// A fog that reaches from the near cube to behind the far one.
+fn haze() -> DistanceFog {
     let falloff = FogFalloff::Linear { start: 4.0, end: 20.0 };
-    let fog = DistanceFog { color: Color::srgb(0.72, 0.79, 0.84), falloff, ..default() };
-    studio.camera(EYE, MIDDLE, fog);
+    DistanceFog { color: Color::srgb(0.72, 0.79, 0.84), falloff, ..default() }
+}
+
+pub fn fog(studio: &mut Studio) -> Result<()> {
+    studio.camera(EYE, MIDDLE, haze());
     studio.sun(SUN);
     studio.garden(());
     cubes(studio);
     studio.shoot_and_save("fog")
+}
+
+pub fn two_clouds(studio: &mut Studio) -> Result<()> {
+    studio.camera(EYE, MIDDLE, haze());
+    studio.sun(SUN);
+    studio.garden(());
+    let style = StyleSource::preset(studio.style("strokes"));
+    // Turned and aside, so that hills, trees and houses of each stand in those of the other.
+    let place = Transform::from_xyz(1.6, 0.25, 0.8).with_rotation(Quat::from_rotation_y(0.9));
+    let painted = studio.garden((style, place));
+    studio.until_applied(&[painted])?;
+    cubes(studio);
+    studio.shoot_and_save("two_clouds")
 }
 
 pub fn depth_of_field(studio: &mut Studio) -> Result<()> {

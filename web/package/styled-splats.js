@@ -85,10 +85,10 @@ class StyledSplats extends HTMLElement {
   #openWorld(src) {
     // What is fetched for an older one comes too late.
     this.#asked.src += 1;
-    this.#isLoaded = false;
     const base = this.ownerDocument.baseURI;
-    if (URL.canParse(src, base)) app.open_world(new URL(src, base).href);
-    else this.#fail(`${src}: found no address`);
+    if (!URL.canParse(src, base)) return this.#fail(`${src}: found no address, expected that of a lod-meta.json`);
+    this.#isLoaded = false;
+    app.open_world(new URL(src, base).href);
   }
 
   async #paint() {

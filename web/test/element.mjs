@@ -128,6 +128,10 @@ test("a world is the app's to fetch", async () => {
   assert.equal(first.open_file, undefined);
   await page.evaluate(() => tell("loaded", "9 false"));
   assert.deepEqual(await taken(), [["set_style", ["image:ink.jpg"], [1], 0, 1, false]]);
+  // It stays, with its style, if the next address is none.
+  await page.evaluate(() => Object.assign(document.querySelector("styled-splats"), { src: "http://[/lod-meta.json", strength: 0.5 }));
+  assert.deepEqual(await taken(), [["set_style", ["image:ink.jpg"], [1], 0, 0.5, false]]);
+  assert.match((await page.evaluate(() => heard.at(-1)))[1].message, /found no address/);
   // A file takes its place, and a world that of the file.
   await page.evaluate(() => { document.querySelector("styled-splats").src = "a.spz"; });
   await until(1);

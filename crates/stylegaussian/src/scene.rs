@@ -9,6 +9,8 @@ use crate::{
     neighbors::Neighbors, sh,
 };
 
+mod append;
+
 /// N Gaussians in structure-of-arrays form, with optional features, neighbors and decoder.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {

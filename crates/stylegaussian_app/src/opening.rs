@@ -1,7 +1,10 @@
 //! A scene that is opened: its state of loading, and its part that a camera is to see.
 
 use bevy::{asset::LoadState, prelude::*};
-use bevy_stylegaussian::{GaussianScene, stylegaussian_files::world::World as Levels};
+use bevy_stylegaussian::{
+    GaussianScene,
+    stylegaussian_files::world::{UP, World as Levels},
+};
 
 use crate::camera::Orbit;
 
@@ -63,7 +66,7 @@ impl Framing {
         }
     }
 
-    /// Measures a world by the boxes of its parts. Its files tell no up direction: it is that of captures.
+    /// Measures a world by the boxes of its parts.
     pub fn of_world(levels: &Levels) -> Self {
         let parts = || {
             levels.nodes.iter().map(|node| {
@@ -80,7 +83,7 @@ impl Framing {
         let [min, max] = [edge(0, OUTSIDE), edge(1, 1.0 - OUTSIDE)];
         let radius = (max - min).length() / 2.0;
         let radius = if radius > 0.0 { radius } else { NOTHING };
-        Self { up: Vec3::NEG_Y, center: (min + max) / 2.0, radius, eye: None }
+        Self { up: UP, center: (min + max) / 2.0, radius, eye: None }
     }
 
     /// The rotation that turns the scene upright.

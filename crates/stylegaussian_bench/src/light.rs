@@ -49,20 +49,18 @@ const MESH: &str = "
 /// Measures all of them.
 pub fn run(gpu: &Gpu, plan: &Plan, report: &mut Report) -> Result<()> {
     let stage = Stage::new(gpu)?;
-    let samples = Samples::in_turns(
-        WARM_UP,
-        if plan.quick { 12 } else { 20 },
-        &mut [
-            &mut plain(&stage),
-            &mut msaa(&stage),
-            &mut two_eyes(&stage),
-            &mut half_size(&stage),
-            &mut casting(&stage, 0.0),
-            &mut casting(&stage, 0.02),
-            &mut all(&stage)?,
-        ],
-    )?;
-    for (name, samples) in names::LIGHT.into_iter().zip(&samples) {
+    let frames: [(&str, &mut dyn FnMut() -> Result<f64>); 7] = [
+        (names::PLAIN, &mut plain(&stage)),
+        (names::MSAA, &mut msaa(&stage)),
+        (names::TWO_EYES, &mut two_eyes(&stage)),
+        (names::HALF_SIZE, &mut half_size(&stage)),
+        (names::CASTING, &mut casting(&stage, 0.0)),
+        (names::CASTING_ANEW, &mut casting(&stage, 0.02)),
+        (names::ALL_LIGHT, &mut all(&stage)?),
+    ];
+    let (names, mut runs): (Vec<_>, Vec<_>) = frames.into_iter().unzip();
+    let samples = Samples::in_turns(WARM_UP, if plan.quick { 12 } else { 20 }, &mut runs)?;
+    for (name, samples) in names.into_iter().zip(&samples) {
         report.add(Row::new(name, N, samples));
     }
     Ok(())

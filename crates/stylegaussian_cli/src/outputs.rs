@@ -28,7 +28,7 @@ pub fn expect_folder(folder: &Path) -> Result<()> {
     let mut existing = PathBuf::from(".").join(folder);
     while fs::symlink_metadata(&existing).is_err() && existing.pop() {}
     if !existing.is_dir() {
-        bail!("{}: {} is no folder", folder.display(), existing.display());
+        bail!("{}: {} is no folder, expected one to write to", folder.display(), existing.display());
     }
     // A name that no picture has.
     expect_writable(&existing.join(".stylegaussian")).map_err(|error| {

@@ -1,6 +1,6 @@
 //! `stylegaussian tile`.
 
-use std::fs;
+use std::{fs, path::Path};
 
 use stylegaussian_files::{read_scene, world::World};
 
@@ -79,6 +79,13 @@ fn a_world_is_rendered_at_a_level_and_as_cameras_see_it() {
     assert_eq!(cut(world.count(2)), world.count(2));
     let between = world.count(2) + 3;
     assert!(cut(between) <= between);
+    // What surrounds a world counts, and comes first if the budget is small.
+    let around = world.files[0].clone();
+    let n_around = read_scene(&Path::new(&output).join(&around)).unwrap().scene.len() as u64;
+    let surrounded = World { environment: Some(around), ..world };
+    fs::write(Path::new(&output).join("lod-meta.json"), surrounded.write()).unwrap();
+    let coarsest = surrounded.count(2);
+    assert_eq!([0, coarsest].map(|n| cut(n_around + n)), [n_around, n_around + coarsest]);
     // What cannot be had is told.
     let at = ["render", &output, "--level", "3"];
     stylegaussian(&[&at[..], &size, &[&*picture]].concat()).expect_error("found 3 levels");

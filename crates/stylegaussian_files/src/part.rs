@@ -12,8 +12,7 @@ use stylegaussian::Scene;
 use crate::{
     error::{FileError, mismatch},
     read_scene,
-    tile::append,
-    world::{FILE, Node, Run, World},
+    world::{FILE, Node, Run, UP, World},
 };
 
 /// The share of a chunk's longest side that is read around it by default. A picture of half of the chunk that
@@ -27,7 +26,7 @@ const OUTSIDE: f64 = 0.01;
 /// A chunk of a world, and what is around it.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// The chunk, as it is read alone.
+    /// The chunk, as it is read alone, with the up direction of worlds.
     pub chunk: Scene,
     /// The chunk's Gaussians `[chunk.len()]`, and after them those around it, of the same level if there is
     /// one. It is its own source.
@@ -58,7 +57,7 @@ pub fn read_part(path: &Path, file: &str, halo: Option<f32>) -> Result<Part, Fil
     let mut warnings = Vec::new();
     let chunk = read_chunk(&path, &world, own, &mut warnings)?;
     let mut with_halo = Scene::default();
-    append(&mut with_halo, &chunk);
+    with_halo.append(&chunk);
     if let Some([low, high]) = chunk.bulk(OUTSIDE) {
         let halo = halo.unwrap_or(HALO * (high - low).max_element());
         let (low, high) = (low - halo, high + halo);
@@ -71,7 +70,7 @@ pub fn read_part(path: &Path, file: &str, halo: Option<f32>) -> Result<Part, Fil
             let is_in = |row: u32| ranges.iter().any(|range| range.contains(&(row as usize)));
             let found = (0..scene.len() as u32)
                 .filter(|&i| is_around(scene.means[i as usize]) && is_in(scene.order[i as usize]));
-            append(&mut with_halo, &scene.subset(&found.collect::<Vec<_>>()));
+            with_halo.append(&scene.subset(&found.collect::<Vec<_>>()));
         }
     }
     Ok(Part { chunk, with_halo, warnings })
@@ -90,10 +89,7 @@ pub fn read_coarsest(path: &Path) -> Result<(Scene, Vec<String>), FileError> {
         let chunk = read_chunk(&path, &world, file, &mut warnings)?;
         for range in ranges {
             let indices = Run { file, range }.of(&chunk);
-            append(
-                &mut whole,
-                &chunk.subset(&(indices.start as u32..indices.end as u32).collect::<Vec<_>>()),
-            );
+            whole.append(&chunk.subset(&(indices.start as u32..indices.end as u32).collect::<Vec<_>>()));
         }
     }
     Ok((whole, warnings))
@@ -116,12 +112,13 @@ fn read_chunk(
     let path = path.with_file_name(&world.files[file]);
     let loaded = read_scene(&path)?;
     world.check_chunk(file, &loaded.scene).map_err(|mismatch| mismatch.at(&path))?;
+    let scene = Scene { up: Some(UP), ..loaded.scene };
     for warning in loaded.warnings {
         if !warnings.contains(&warning) {
             warnings.push(warning);
         }
     }
-    Ok(loaded.scene)
+    Ok(scene)
 }
 
 /// The level of the nodes that a chunk has, the finest if they differ, or what is wrong with it.
@@ -194,6 +191,7 @@ mod tests {
         for halo in [0.0, 3.0, 100.0] {
             let Part { chunk, with_halo, warnings } = read_part(dir.path(), first, Some(halo)).unwrap();
             assert!(warnings.is_empty() && with_halo.validate().is_ok());
+            assert_eq!([chunk.up, with_halo.up], [Some(Vec3::NEG_Y); 2]);
             let n = chunk.len();
             assert!(n <= 256);
             assert_eq!((&with_halo.means[..n], with_halo.n_source), (&chunk.means[..], with_halo.len()));
@@ -219,6 +217,7 @@ mod tests {
         assert_eq!(coarse.with_halo.len() as u64, world.count(1));
         let (whole, _) = read_coarsest(dir.path()).unwrap();
         assert_eq!((whole.len() as u64, whole.validate().is_ok()), (world.count(1), true));
+        assert_eq!(whole.up, Some(Vec3::NEG_Y));
     }
 
     #[test]

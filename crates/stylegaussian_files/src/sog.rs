@@ -96,6 +96,7 @@ fn is_folder(name: &str) -> bool {
 fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
     let mut warnings = Vec::new();
     let mut parts = parts(files, options, &mut warnings)?;
+    let is_world = parts.iter().any(|part| !part.name.is_empty());
     // All planes are asked for at once.
     let names: Vec<String> = parts.iter().flat_map(Part::files).collect();
     files.others(&names)?;
@@ -119,11 +120,13 @@ fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
     let scene = scene(chunks, &mut warnings)?;
     // Tables of other values are finite.
     let is_finite = |scene: &Scene, i: usize| scene.means[i].is_finite() && scene.scales[i].is_finite();
-    let scene = keep_if(scene, is_finite, &mut warnings);
+    let mut scene = keep_if(scene, is_finite, &mut warnings);
     let (axes, because) = match options.axes {
         Some(axes) => (axes, "they were asked for"),
         None => (Axes::RDF, "SOG keeps the coordinates of the .ply that it was made from"),
     };
+    // In the axes of the file, which are turned below.
+    scene.up = is_world.then(|| world::UP * axes.signs());
     Ok(Loaded::turned(scene, warnings, axes, because))
 }
 

@@ -41,7 +41,6 @@ mod records;
 mod tests;
 mod writer;
 
-pub(crate) use writer::append;
 pub use writer::{LeveledNode, WorldWriter};
 
 use plan::Plan;

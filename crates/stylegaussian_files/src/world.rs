@@ -58,6 +58,10 @@ pub fn look_of(file: &str) -> String {
 /// The name of the file in a world's folder.
 pub const FILE: &str = "lod-meta.json";
 
+/// The up direction of all worlds, in the coordinates of their chunks. Files have no place for another one, so
+/// [`tile`](crate::tile::tile) turns scenes until this is up, and readers give it to what they read of a world.
+pub const UP: Vec3 = Vec3::NEG_Y;
+
 /// The most levels of a world. Counts have 32 bits, so 32 levels that halve them end at one Gaussian.
 pub const MAX_LEVELS: usize = 32;
 

@@ -126,7 +126,9 @@ pub enum EmbedError {
     #[error("the scene is empty, expected at least one Gaussian")]
     EmptyScene,
     /// All views are held out.
-    #[error("{n_views} views with every {holdout}-th held out leave none to learn from")]
+    #[error(
+        "found {n_views} views with every {holdout}-th held out, expected at least one more to learn from"
+    )]
     NoTrainingViews {
         /// All views.
         n_views: usize,

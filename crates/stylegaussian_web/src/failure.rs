@@ -45,7 +45,11 @@ fn free(main_world: &mut World) -> &'static str {
     let mut worlds = main_world.query_filtered::<(), (With<Subject>, With<GaussianWorld>)>();
     if worlds.iter(main_world).next().is_some() {
         let budget = main_world.get_resource_or_init::<GaussianBudget>().into_inner();
-        *budget = halved(*budget);
+        let Some(half) = halved(*budget) else {
+            return "The GPU has no memory left, and no less of the world can be shown. Close other pages \
+                    and programs that use the GPU.";
+        };
+        *budget = half;
         return "The GPU has no memory left. Less of the world is shown.";
     }
     let mut scenes = main_world.query_filtered::<&mut GaussianSplats, With<Subject>>();
@@ -53,9 +57,9 @@ fn free(main_world: &mut World) -> &'static str {
     "The GPU has no memory left for this scene. Open a smaller one."
 }
 
-/// Half of a budget, but not fewer than [`FEWEST`] unless it has fewer.
-fn halved(budget: GaussianBudget) -> GaussianBudget {
-    GaussianBudget::new((budget.gaussians / 2).max(FEWEST.min(budget.gaussians)))
+/// Half of a budget, but not fewer than [`FEWEST`]; `None` if it has no more.
+fn halved(budget: GaussianBudget) -> Option<GaussianBudget> {
+    (budget.gaussians > FEWEST).then(|| GaussianBudget::new((budget.gaussians / 2).max(FEWEST)))
 }
 
 #[cfg(test)]
@@ -64,7 +68,8 @@ mod tests {
 
     #[test]
     fn a_budget_is_halved_down_to_the_fewest() {
-        let of = |gaussians: usize| halved(GaussianBudget::new(gaussians)).gaussians;
-        assert_eq!([1_000_000, 80_000, 50_000, 7_000, 0].map(of), [500_000, 50_000, 50_000, 7_000, 0]);
+        let of = |gaussians: usize| halved(GaussianBudget::new(gaussians)).map(|half| half.gaussians);
+        assert_eq!([1_000_000, 80_000].map(of), [Some(500_000), Some(50_000)]);
+        assert_eq!([50_000, 7_000, 0].map(of), [None; 3]);
     }
 }

@@ -79,7 +79,10 @@ pub fn scene(
     if requests.read().any(|request| matches!(request, Request::SaveGlb)) {
         let (splats, style) = *subject;
         let Some(splats) = splats else {
-            return bridge::tell(Event::Failed, "A world is not saved as one file.");
+            return bridge::tell(
+                Event::Failed,
+                "A world is not saved as one file. Open a single scene to save it.",
+            );
         };
         let Some(scene) = scenes.get(&splats.0) else {
             return bridge::tell(Event::Failed, "There is no scene to save.");

@@ -72,7 +72,10 @@ pub fn wish(mut requests: MessageReader<Request>, mut wish: ResMut<Wish>, mut ar
             }
             Request::Transition { kind, seconds } => match Arrival::from_name(kind) {
                 Some(way) => *arrivals = Arrivals { way, seconds: *seconds },
-                None => bridge::tell(Event::Failed, &format!("there is no transition `{kind}`")),
+                None => bridge::tell(
+                    Event::Failed,
+                    &format!("found the transition `{kind}`, expected fade, sphere, front or noise"),
+                ),
             },
             _ => {}
         }
@@ -106,7 +109,10 @@ pub fn put_on(
         };
         match input {
             Ok(Some(input)) => mix.push((input, *weight)),
-            Ok(None) => bridge::tell(Event::Failed, &format!("there is no style `{name}`")),
+            Ok(None) => bridge::tell(
+                Event::Failed,
+                &format!("{name}: found no such style, expected one of the page's"),
+            ),
             Err(error) => bridge::tell(Event::Failed, &format!("{name}: {error}")),
         }
     }
@@ -129,7 +135,10 @@ pub fn set_strokes(
             }
             Request::Motion { ref kind, rate, distance } => match motion(kind, rate) {
                 Some(motion) => source.motion = motion.with_amount(distance),
-                None => bridge::tell(Event::Failed, &format!("there is no motion `{kind}`")),
+                None => bridge::tell(
+                    Event::Failed,
+                    &format!("found the motion `{kind}`, expected still, boil or flow"),
+                ),
             },
             Request::Relief { amount, light_from } => source.relief = relief_lit_from(light_from, amount),
             Request::ScreenStable(screen_stable) => source.screen_stable = screen_stable,

@@ -60,14 +60,17 @@ impl FitScene {
 type FitChanged = Or<(Changed<LoadedScene>, Changed<FitScene>)>;
 
 /// Fits scenes that came or changed, in the frame in which they are attached.
-pub(super) fn fit_scenes(mut fitted: Query<(&FitScene, &LoadedScene, &mut Transform), FitChanged>) {
-    for (fit, scene, mut transform) in &mut fitted {
+pub(super) fn fit_scenes(
+    mut fitted: Query<(NameOrEntity, &FitScene, &LoadedScene, &mut Transform), FitChanged>,
+) {
+    for (name, fit, scene, mut transform) in &mut fitted {
         // A scene of which nothing is visible has no place.
         let Some(framing) = scene.asset.framing() else { continue };
         if fit.radius > 0.0 && fit.radius.is_finite() {
             *transform = fit.transform(framing);
         } else {
-            warn!("FitScene has the radius {}, expected one above 0: the scene stays as it is", fit.radius);
+            let radius = fit.radius;
+            warn!("{name}: FitScene has the radius {radius}, expected one above 0: the scene stays as it is");
         }
     }
 }

@@ -39,8 +39,8 @@ const RECORD_BYTES: u64 = 16;
 /// All cameras share it: the Gaussians go where they are largest on any screen. While one level takes the place
 /// of another, both are in memory.
 ///
-/// An app that does not insert it before it starts gets the usual one of its machine, a Gaussian being 265
-/// bytes in all memories:
+/// An app that inserts none gets the usual one of its machine. That is there from `PreStartup` on, and not yet
+/// while plugins are built, because the renderer is not known then. A Gaussian is 265 bytes in all memories:
 ///
 /// | | Gaussians |
 /// | --- | --- |
@@ -120,18 +120,15 @@ fn whole(n: u64) -> usize {
     usize::try_from(n).unwrap_or(usize::MAX)
 }
 
-/// Gives the app the usual budget of its machine, unless it has one of its own.
-pub(super) fn insert_usual_budget(
-    mut commands: Commands,
-    own: Option<Res<GaussianBudget>>,
-    // Bevy puts copies into the main world. They are absent if the app does not render.
-    adapter: Option<Res<RenderAdapterInfo>>,
-    device: Option<Res<RenderDevice>>,
-) {
-    if own.is_some() {
+/// Gives the app the usual budget of its machine, unless it has one of its own. The renderer must be finished.
+pub(super) fn insert_usual_budget(app: &mut App) {
+    let world = app.world_mut();
+    if world.contains_resource::<GaussianBudget>() {
         return;
     }
-    let machine = adapter.zip(device).map(|(adapter, device)| {
+    // Bevy puts copies into the main world. They are absent if the app does not render.
+    let adapter = world.get_resource::<RenderAdapterInfo>();
+    let machine = adapter.zip(world.get_resource::<RenderDevice>()).map(|(adapter, device)| {
         let limits = device.limits();
         Machine {
             device_type: adapter.0.device_type,
@@ -140,7 +137,8 @@ pub(super) fn insert_usual_budget(
             is_browser: cfg!(target_family = "wasm"),
         }
     });
-    commands.insert_resource(machine.map_or_else(GaussianBudget::default, |machine| machine.budget()));
+    let budget = machine.map_or_else(GaussianBudget::default, |machine| machine.budget());
+    world.insert_resource(budget);
 }
 
 /// Bytes of main memory, if the system tells them.
@@ -162,6 +160,7 @@ mod tests {
     use wgpu::DeviceType::{Cpu, DiscreteGpu, IntegratedGpu, Other, VirtualGpu};
 
     use super::*;
+    use crate::tests::world::app_without_rendering;
 
     #[test]
     fn budgets_follow_the_machine() {
@@ -215,14 +214,22 @@ mod tests {
     fn an_app_keeps_its_own_budget() {
         let budget_of = |own: Option<GaussianBudget>| {
             let mut app = App::new();
-            app.add_systems(PreStartup, insert_usual_budget);
             if let Some(own) = own {
                 app.insert_resource(own);
             }
-            app.update();
+            insert_usual_budget(&mut app);
             *app.world().resource::<GaussianBudget>()
         };
         assert_eq!(budget_of(None), GaussianBudget::default());
         assert_eq!(budget_of(Some(GaussianBudget::new(7))), GaussianBudget::new(7));
+    }
+
+    #[test]
+    fn systems_find_a_budget_from_the_first_one_on() {
+        let mut app = app_without_rendering();
+        app.add_systems(PreStartup, |mut budget: ResMut<GaussianBudget>| budget.in_flight = 7);
+        app.update();
+        let changed = GaussianBudget { in_flight: 7, ..GaussianBudget::default() };
+        assert_eq!(*app.world().resource::<GaussianBudget>(), changed);
     }
 }

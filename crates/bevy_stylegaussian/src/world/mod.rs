@@ -101,7 +101,6 @@ impl Plugin for WorldPlugin {
             .register_type::<WorldState>()
             .register_type::<GaussianBudget>()
             .register_type::<GaussianWorldFailed>()
-            .add_systems(PreStartup, budget::insert_usual_budget)
             .add_systems(
                 PostUpdate,
                 (
@@ -129,5 +128,10 @@ impl Plugin for WorldPlugin {
                     .before(VisibilitySystems::VisibilityPropagate)
                     .before(TransformSystems::Propagate),
             );
+    }
+
+    // Not while plugins are built: the renderer is not there yet.
+    fn finish(&self, app: &mut App) {
+        budget::insert_usual_budget(app);
     }
 }

@@ -303,10 +303,7 @@ impl BakeArgs {
         self.framing.tell(&mut scene);
         // The halo is for the pictures at the border.
         scene.frame = scene.frame.or_else(|| framing(&chunk).map(|framing| framing.frame));
-        let mut whole = if whole.len() > WHOLE { merge(&whole, WHOLE, &Work::default())? } else { whole };
-        // Chunks do not tell it, and what is up in a few of them is not always what is up in all.
-        whole.up = whole.up.or_else(|| framing(&whole).map(|framing| framing.up));
-        scene.up = scene.up.or(whole.up);
+        let whole = if whole.len() > WHOLE { merge(&whole, WHOLE, &Work::default())? } else { whole };
         Ok(Subject { scene, of_world: Some((chunk, whole)) })
     }
 

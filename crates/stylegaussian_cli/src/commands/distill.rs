@@ -81,7 +81,7 @@ pub fn run(arguments: &DistillArgs, interrupt: &Interrupt) -> Result<()> {
         let comparison = compare(&teacher, &Encoder::open(path)?, &list_images(folder)?)?;
         return print(arguments.json, &comparison, || comparison.table());
     }
-    let Some(output) = &arguments.output else { bail!("expected --output") };
+    let Some(output) = &arguments.output else { bail!("found no --output, expected a file for the encoder") };
     let (images, held_out) = arguments.images()?;
     train(arguments, &teacher, &images, output, interrupt)?;
     let comparison = compare(&teacher, &Encoder::open(output)?, &held_out)?;

@@ -162,7 +162,7 @@ pub fn run(arguments: &RenderArgs, interrupt: &Interrupt) -> Result<()> {
         Some(format) => arguments.film(&mut pictures, format, interrupt)?,
         None => pictures.write(arguments.background, output)?,
     };
-    pictures.finish();
+    pictures.finish(path);
     let (n_pictures, n_frames) = (written.len(), film.map(|_| cameras.len()));
     let (drawn_by, stylization) = (drawing.name(), stylized.as_ref());
     let rendered = Rendered { scene: path, pictures: written, n_frames, drawn_by, stylization };
@@ -303,11 +303,12 @@ impl<'a, 'b> Pictures<'a, 'b> {
         Ok(written)
     }
 
-    /// Removes the bar, and tells of pictures that show nothing.
-    fn finish(self) {
+    /// Removes the bar, and tells of pictures that show nothing of the scene at `path`.
+    fn finish(self, path: &Path) {
         self.progress.finish_and_clear();
         if self.n_empty > 0 {
-            warn([format!("{} of {} pictures show nothing of the scene", self.n_empty, self.cameras.len())]);
+            let (n_empty, n) = (self.n_empty, self.cameras.len());
+            warn([format!("{}: {n_empty} of {n} pictures show nothing of the scene", path.display())]);
         }
     }
 }

@@ -157,7 +157,7 @@ impl Everything {
             work.check()?;
             let Loaded { scene, warnings, .. } = slice?;
             warnings.into_iter().for_each(|warning| read.warn(warning));
-            // Chunks do not tell it, and -y is up in all worlds.
+            // Until `world::UP` is up.
             let (scene, up_before) = upright(Cow::Owned(scene)).map_err(|mismatch| mismatch.at(path))?;
             if let Some(up) = up_before {
                 read.warn(format!(

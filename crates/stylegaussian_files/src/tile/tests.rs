@@ -1,7 +1,7 @@
 use std::fs;
 
 use glam::{Quat, Vec3};
-use stylegaussian::{scene::Sh, sh};
+use stylegaussian::{Axes, scene::Sh, sh};
 
 use super::*;
 use crate::{ReadOptions, read_scene, read_scene_with};
@@ -101,8 +101,13 @@ fn scenes_are_set_upright() {
     assert!(warnings[1].contains("up direction is [0, 1, 0]"), "{}", warnings[1]);
     // Half a turn about x.
     let read = read_scene(dir.path()).unwrap().scene;
+    assert_eq!(read.up, Some(Vec3::NEG_Y));
     assert!(read.means.iter().all(|mean| mean.x > -0.01 && mean.y < 1.01 && mean.z < 0.01));
     assert_eq!(read.means.iter().filter(|mean| mean.y < -290.0).count(), 1);
+    // Whatever axes a file is said to have, its chunks are turned with them.
+    let options = ReadOptions { axes: Some(Axes::RUB), ..ReadOptions::default() };
+    let told = read_scene_with(dir.path(), options).unwrap().scene;
+    assert_eq!((told.up, told.means[7].y), (Some(Vec3::NEG_Y), -read.means[7].y));
 }
 
 #[test]

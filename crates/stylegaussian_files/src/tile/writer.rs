@@ -6,11 +6,7 @@ use std::{
 };
 
 use glam::{Mat3, Vec3};
-use stylegaussian::{
-    Scene,
-    scene::{ScreenFilter, Sh},
-    sh,
-};
+use stylegaussian::Scene;
 
 use crate::{
     atomic::write_atomically,
@@ -105,7 +101,7 @@ impl WorldWriter {
                 self.world.files.len() - 1
             });
             let begin = chunk.scene.len();
-            append(&mut chunk.scene, scene);
+            chunk.scene.append(scene);
             levels[level] = Some(Run { file, range: begin..chunk.scene.len() });
         }
         self.world.nodes.push(Node { bounds: node.bounds, levels });
@@ -148,55 +144,6 @@ impl WorldWriter {
         let bytes = self.world.write();
         write_atomically(&path, |out| out.write_all(&bytes))?;
         Ok(self.world)
-    }
-}
-
-/// Adds the Gaussians of a scene to a chunk, which is its own source.
-pub(crate) fn append(chunk: &mut Scene, scene: &Scene) {
-    append_colors(chunk, scene);
-    if chunk.is_empty() {
-        chunk.filter = scene.filter;
-    } else if chunk.filter != scene.filter {
-        chunk.filter = ScreenFilter::Classic;
-    }
-    chunk.means.extend(&scene.means);
-    chunk.rotations.extend(&scene.rotations);
-    chunk.scales.extend(&scene.scales);
-    chunk.opacities.extend(&scene.opacities);
-    let n = chunk.means.len();
-    chunk.order.extend(chunk.n_source as u32..n as u32);
-    chunk.n_source = n;
-}
-
-/// Adds the coefficients of a scene to a chunk: those of both become the higher degree of the two.
-fn append_colors(chunk: &mut Scene, scene: &Scene) {
-    let degree = scene.sh.as_ref().map_or(0, |sh| sh.degree);
-    let before = chunk.sh.take().unwrap_or(Sh { degree, coefficients: Vec::new() });
-    let mut colors = match before.degree < degree {
-        true => {
-            let n = chunk.len();
-            let mut wider =
-                Sh { degree, coefficients: Vec::with_capacity(3 * sh::n_coefficients(degree) * n) };
-            extend(&mut wider, Some(&before), n);
-            wider
-        }
-        false => before,
-    };
-    extend(&mut colors, scene.sh.as_ref(), scene.len());
-    chunk.sh = Some(colors);
-}
-
-/// Adds the coefficients of `n` Gaussians. What they lack is 0: mid-gray, the same from every side.
-fn extend(colors: &mut Sh, others: Option<&Sh>, n: usize) {
-    let width = 3 * sh::n_coefficients(colors.degree);
-    let Some(others) = others else {
-        colors.coefficients.resize(colors.coefficients.len() + n * width, 0.0);
-        return;
-    };
-    for row in others.coefficients.chunks_exact(3 * sh::n_coefficients(others.degree)) {
-        let end = colors.coefficients.len() + width;
-        colors.coefficients.extend_from_slice(row);
-        colors.coefficients.resize(end, 0.0);
     }
 }
 

@@ -157,7 +157,7 @@ pub enum CamerasError {
         photo: PathBuf,
     },
     /// The camera file names no photo for this camera.
-    #[error("camera {camera}: the camera file names no photo for it")]
+    #[error("camera {camera}: found no photo for it in the file of cameras, expected the name of one")]
     NoPhotoName {
         /// The camera's name.
         camera: String,

@@ -9,7 +9,7 @@ use stylegaussian::{
     cut::{CutNode, CutView, cut},
 };
 use stylegaussian_files::{
-    ReadOptions, read_world_at,
+    Loaded, ReadOptions, read_world_at,
     world::{FILE, Node, World, manifest_at},
 };
 
@@ -50,26 +50,43 @@ impl LevelArgs {
         let world = World::open(&manifest)?;
         let ReadOptions { axes, budget } = reading.options();
         let options = ReadOptions { axes, budget: None };
-        let levels = match self.level {
+        let loaded = match self.level {
             Some(level) => {
                 let (path, n) = (manifest.display(), world.n_levels);
                 ensure!(level < n, "{path}: found {n} levels, expected more than {level}; 0 is the finest");
-                vec![Some(level); world.nodes.len()]
+                read_world_at(&manifest, &world, &vec![Some(level); world.nodes.len()], options)?
             }
-            None => {
-                let n_around = match &world.environment {
-                    Some(_) => read_world_at(&manifest, &world, &[], options)?.scene.len(),
-                    None => 0,
-                };
-                let budget = budget.unwrap_or(usize::MAX).saturating_sub(n_around);
-                levels_for(&cameras()?, &world, budget)
-            }
+            None => read_cut(&manifest, world, &cameras()?, (budget.unwrap_or(usize::MAX), options))?,
         };
-        let loaded = read_world_at(&manifest, &world, &levels, options)?;
         warn(&loaded.warnings);
         note(format_args!("{} Gaussians of these levels", loaded.scene.len()));
         Ok(loaded.scene)
     }
+}
+
+/// Reads each node of a world at the level that the cameras see, and the surroundings, which count.
+fn read_cut(
+    manifest: &Path,
+    mut world: World,
+    cameras: &[Camera],
+    (budget, options): (usize, ReadOptions),
+) -> Result<Loaded> {
+    let around = world.environment.is_some().then(|| read_world_at(manifest, &world, &[], options));
+    let around = around.transpose()?;
+    world.environment = None;
+    let n_around = around.as_ref().map_or(0, |around| around.scene.len());
+    let levels = levels_for(cameras, &world, budget.saturating_sub(n_around));
+    let Some(around) = around else { return Ok(read_world_at(manifest, &world, &levels, options)?) };
+    if levels.iter().all(Option::is_none) {
+        return Ok(around);
+    }
+    let mut loaded = read_world_at(manifest, &world, &levels, options)?;
+    // Last, as in all worlds that are read as one scene.
+    loaded.scene.append(&around.scene);
+    let others = around.warnings.into_iter().filter(|warning| !loaded.warnings.contains(warning));
+    let others: Vec<String> = others.collect();
+    loaded.warnings.extend(others);
+    Ok(loaded)
 }
 
 /// The level of each node that all of the cameras see under one budget.
