@@ -125,7 +125,6 @@ fn gains_of(word: u32, seed: StrokeSeed) -> vec2<f32> {
 fn changed_seed(word: u32) -> ChangedSeed {
     let number = word & ((1u << SEED_BITS) - 1u);
     var changed = ChangedSeed(number, OWN_MOTION, vec3(0.0), 1.0, 1.0, 1.0, 0.0, MAX_CHANGES);
-    // Without changes, not a step of it.
     for (var i = 0u; i < hidden(uniforms.n_changes); i++) {
         if changed.number >= uniforms.changes[i].first {
             changed.number -= uniforms.changes[i].first;
@@ -165,7 +164,7 @@ fn seed_now(changed: ChangedSeed, seed: StrokeSeed) -> MovedSeed {
     if any(toward != vec3(0.0)) {
         now = turned(now, stroke_of(seed), toward);
     }
-    // Without motions, not a step of it: software adapters skip nothing but iterations.
+    // A loop that ends, because software adapters skip nothing but iterations, all but one of them.
     for (var i = 0u; i < hidden(uniforms.n_motions); i++) {
         let is_within =
             changed.number >= uniforms.motions[i].first && changed.number < uniforms.motions[i].end;
