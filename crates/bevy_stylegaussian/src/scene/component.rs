@@ -26,8 +26,7 @@ pub struct GaussianSplats(pub Handle<GaussianScene>);
 /// A part of a [`GaussianWorld`](crate::world::GaussianWorld) at one level: beside the [`GaussianSplats`] of an
 /// entity that the plugin makes, from its first frame on. It is in the world's space. At first it is hidden,
 /// while it is uploaded and painted. It is despawned soon after another level has taken its place.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
-#[reflect(Component, Clone, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WorldPart {
     /// The entity of the world.
     pub world: Entity,

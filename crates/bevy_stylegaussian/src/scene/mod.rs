@@ -60,7 +60,6 @@ impl Plugin for ScenePlugin {
             .add_message::<GaussianSceneFailed>()
             .register_type::<GaussianScene>()
             .register_type::<GaussianSplats>()
-            .register_type::<WorldPart>()
             .register_type::<FitScene>()
             .register_type::<GaussianSceneFailed>()
             // `WindowPlugin` adds it too, but not every app has one.
