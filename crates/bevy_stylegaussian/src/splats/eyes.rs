@@ -14,7 +14,8 @@ use super::view::ViewSplats;
 /// the distance from the middle between the eyes ([`SplatSortKey`](crate::SplatSortKey) has no effect). Each
 /// splat then has one color and one place in the order for both eyes. Each eye keeps its own projection, off
 /// axis or not, its own viewport and its own target, such as a texture of a headset's runtime
-/// (`ManualTextureViews`). `MainPassResolutionOverride` has it draw fewer pixels.
+/// (`ManualTextureViews`), and is drawn from where the render world has it before views are prepared.
+/// `MainPassResolutionOverride` has it draw fewer pixels.
 ///
 /// If the other camera does not exist, is not active, sees no splats or has a parallel projection, either
 /// camera draws by itself.

@@ -1,4 +1,5 @@
-//! Two eyes of a headset: off-axis projections onto textures that a runtime gives, and fewer pixels than these.
+//! Two eyes of a headset: off-axis projections onto textures that a runtime gives, fewer pixels than these, and
+//! a head that moves until a frame is drawn.
 
 use bevy::{
     camera::{
@@ -11,6 +12,7 @@ use bevy::{
         camera::ExtractedCamera,
         render_asset::RenderAssets,
         texture::{GpuImage, ManualTextureView, ManualTextureViews},
+        view::ExtractedView,
     },
 };
 use stylegaussian::Camera as Pinhole;
@@ -22,48 +24,48 @@ use super::{
     world::{rendering::*, *},
 };
 
-/// A projection whose middle is beside the axis.
+/// A projection as a headset's runtime gives it: a matrix, which is the identity until the runtime knows it.
 #[derive(Clone, Debug)]
-struct OffAxis {
-    /// Tangent of the direction to the picture's middle, to the right.
-    middle: f32,
-}
+struct Given(Mat4);
 
-impl OffAxis {
-    fn half_size(&self) -> f32 {
-        (0.5 * FOV_Y).tan()
-    }
-}
-
-impl CameraProjection for OffAxis {
+impl CameraProjection for Given {
     fn get_clip_from_view(&self) -> Mat4 {
-        let scale = self.half_size().recip();
-        Mat4::from_cols(
-            Vec4::new(scale, 0.0, 0.0, 0.0),
-            Vec4::new(0.0, scale, 0.0, 0.0),
-            Vec4::new(scale * self.middle, 0.0, 0.0, -1.0),
-            Vec4::new(0.0, 0.0, 0.1, 0.0),
-        )
+        self.0
     }
 
     fn get_clip_from_view_for_sub(&self, _: &SubCameraView) -> Mat4 {
-        self.get_clip_from_view()
+        self.0
     }
 
     fn update(&mut self, _: f32, _: f32) {}
 
+    /// As `bevy_mod_xr` takes it from the matrix: without a far plane, it is where the near plane is.
     fn far(&self) -> f32 {
-        100.0
+        self.0.w_axis.z / (self.0.z_axis.z + 1.0)
     }
 
     fn get_frustum_corners(&self, z_near: f32, z_far: f32) -> [Vec3A; 8] {
         let sides = [(1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)];
+        let view_from_clip = self.0.inverse();
         let corner = |i: usize| {
             let (z, (x, y)) = (if i < 4 { z_near } else { z_far }, sides[i % 4]);
-            Vec3A::new((self.middle + self.half_size() * x) * z.abs(), self.half_size() * y * z.abs(), z)
+            let on_near_plane = Vec3A::from(view_from_clip.project_point3(Vec3::new(x, y, 1.0)));
+            on_near_plane * (z / on_near_plane.z)
         };
         std::array::from_fn(corner)
     }
+}
+
+/// A projection with a near plane at 0.1 whose middle is beside the axis. `middle` is the tangent of its
+/// direction, to the right.
+fn off_axis(middle: f32) -> Projection {
+    let scale = (0.5 * FOV_Y).tan().recip();
+    Projection::custom(Given(Mat4::from_cols(
+        Vec4::new(scale, 0.0, 0.0, 0.0),
+        Vec4::new(0.0, scale, 0.0, 0.0),
+        Vec4::new(scale * middle, 0.0, 0.0, -1.0),
+        Vec4::new(0.0, 0.0, 0.1, 0.0),
+    )))
 }
 
 /// The texture of an image as a target that Bevy does not own, as those of a headset's runtime are.
@@ -114,28 +116,34 @@ fn eyes_of_a_headset_see_what_single_cameras_see() {
     let eyes = [(0, -1.0), (1, 1.0)].map(|(i, side): (usize, f32)| {
         let (at, middle) = (EYE + 0.032 * side * Vec3::X, 0.1 * side);
         let target = given(&mut studio.app, &images[i], i as u32);
-        let own =
-            (Projection::custom(OffAxis { middle }), target, Transform::from_translation(at), Msaa::Off);
+        let not_yet = Projection::custom(Given(Mat4::IDENTITY));
+        let own = (not_yet, target, Transform::from_translation(at), Msaa::Off);
         let camera = studio.camera_on(&images[i], at, own);
         let mut pinhole = Pinhole::look_at(at, at - Vec3::Z, Vec3::Y, FOV_Y, SIZE);
         pinhole.center.x -= pinhole.focal.x * middle;
-        (camera, pinhole)
+        (camera, pinhole, middle)
     });
     studio.splats(scene.clone(), Transform::default());
+    // A pair from the first frame on, in which both have no projection yet.
+    studio.app.world_mut().entity_mut(eyes[0].0).insert(SplatEyes(eyes[1].0));
+    (0..3).for_each(|_| studio.app.update());
+    for (camera, _, middle) in &eyes {
+        studio.app.world_mut().entity_mut(*camera).insert(off_axis(*middle));
+    }
     for side in [SIZE.x, 40] {
         if side < SIZE.x {
             reduce(&mut studio.app, side);
         }
-        for (camera, _) in &eyes {
+        for (camera, ..) in &eyes {
             studio.app.world_mut().entity_mut(*camera).insert(SplatSortKey::ViewZ).remove::<SplatEyes>();
         }
         let pictures = shoot(&mut studio.app, &images, side);
-        for ((_, pinhole), picture) in eyes.iter().zip(&pictures) {
+        for ((_, pinhole, _), picture) in eyes.iter().zip(&pictures) {
             let what = format!("{side} pixels, from {}", pinhole.position());
             check_picture(&what, picture, &rasterized(&scene, &pinhole.resized(UVec2::splat(side))));
         }
         // The order that two eyes share is by distance.
-        for (camera, _) in &eyes {
+        for (camera, ..) in &eyes {
             studio.app.world_mut().entity_mut(*camera).insert(SplatSortKey::Distance);
         }
         let alone = shoot(&mut studio.app, &images, side);
@@ -148,4 +156,25 @@ fn eyes_of_a_headset_see_what_single_cameras_see() {
         }
         assert!(psnr(&alone[0], &alone[1], |_| true) < 30.0, "both eyes show one picture");
     }
+}
+
+/// A runtime tells where the head is once more just before a frame is drawn: splats are drawn from there.
+#[test]
+fn a_view_that_moves_late_is_drawn_from_where_it_is() {
+    let Some(mut studio) = Studio::new() else { return };
+    let scene = balls(&translucent(80, 24));
+    let at = EYE + Vec3::X;
+    let late = GlobalTransform::from_translation(at);
+    let system = move |mut views: Query<&mut ExtractedView>| {
+        for mut view in &mut views {
+            view.world_from_view = late;
+        }
+    };
+    // Where `bevy_mod_openxr` does it.
+    let when = system.after(RenderSystems::ExtractCommands).before(RenderSystems::PrepareAssets);
+    studio.app.sub_app_mut(RenderApp).add_systems(Render, when);
+    studio.camera(EYE, Msaa::Off);
+    studio.splats(scene.clone(), Transform::default());
+    let pinhole = Pinhole::look_at(at, at - Vec3::Z, Vec3::Y, FOV_Y, SIZE);
+    check_picture("late", &studio.shoot(), &rasterized(&scene, &pinhole));
 }
