@@ -20,7 +20,7 @@ fn paint_detail(@builtin(global_invocation_id) invocation: vec3<u32>) {
     let at = place * vec2<f32>(vec2(task.copies[0].width, task.copies[0].height));
     let strokes = sampled(task.copies[2], at);
     var value: vec3<f32>;
-    if task.which == 0u {
+    if hidden(task.which) == 0u {
         let sharp = sampled(task.original, place * vec2<f32>(vec2(task.original.width, task.original.height)));
         let finest = sampled(task.copies[0], at) - sampled(task.copies[1], at);
         value = (sharp + (FINEST - 1.0) * finest - strokes) * whitened(at);

@@ -45,6 +45,11 @@ struct PaintStep {
 /// Texels of 8 bits.
 @group(0) @binding(2) var<storage, read_write> packed: array<u32>;
 
+/// A number of the uniforms that branches depend on, as for `flags` of `splat_footprint`.
+fn hidden(number: u32) -> u32 {
+    return select(number, 0u, arrayLength(&pictures) == 0u);
+}
+
 /// The place of a pixel in the buffer, or of the nearest one.
 fn pixel_at(picture: PaintPicture, at: vec2<i32>) -> u32 {
     let within = vec2<u32>(clamp(at, vec2<i32>(0), vec2<i32>(vec2(picture.width, picture.height)) - 1));

@@ -18,7 +18,7 @@ fn over_white(at: vec2<u32>) -> vec3<f32> {
     // `packed` holds the number of channels.
     var color = select(rgba.rgb, rgba.rrr, task.packed < 3u);
     let alpha = select(rgba.a, rgba.g, task.packed == 2u);
-    if task.is_linear != 0u {
+    if hidden(task.is_linear) != 0u {
         color = encoded(color);
     }
     return color * alpha + 1.0 - alpha;
