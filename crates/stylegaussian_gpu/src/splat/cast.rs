@@ -149,6 +149,9 @@ struct Piece {
     mask: Option<(wgpu::Buffer, u64)>,
 }
 
+/// Gaussians, the first of them and their number, and the mask: what a piece binds.
+type Bound<'a> = (&'a wgpu::Buffer, u32, u32, Option<&'a wgpu::Buffer>);
+
 impl CastView {
     /// Without casters.
     pub fn new() -> Self {
@@ -211,12 +214,9 @@ impl Piece {
         self.mask.as_ref().map(|(buffer, _)| buffer)
     }
 
-    /// Whether the bindings of `other` are those of this piece.
-    fn binds_like(&self, other: &Self) -> bool {
-        let range = |piece: &Self| (piece.first, piece.n_gaussians());
-        self.gaussians == other.gaussians
-            && range(self) == range(other)
-            && self.mask_buffer() == other.mask_buffer()
+    /// Everything that its bindings are made of.
+    fn bound(&self) -> Bound<'_> {
+        (&self.gaussians, self.first, self.n_gaussians(), self.mask_buffer())
     }
 }
 
@@ -311,9 +311,13 @@ impl Cast {
 
     /// Uploads the uniforms of every piece of `key`, and makes what is missing for it.
     fn bind(&self, device: &wgpu::Device, queue: &wgpu::Queue, view: &mut CastView, key: CastKey) {
-        let group_of = |piece: &Piece| match view.key.pieces.iter().position(|last| last.binds_like(piece)) {
-            Some(last) => view.groups[last].clone(),
-            None => self.bind_piece(device, piece),
+        // Sorted, because a world casts with thousands of pieces.
+        let mut known: Vec<(Bound, &wgpu::BindGroup)> =
+            view.key.pieces.iter().map(Piece::bound).zip(&view.groups).collect();
+        known.sort_unstable_by(|(a, _), (b, _)| a.cmp(b));
+        let group_of = |piece: &Piece| match known.binary_search_by(|(known, _)| known.cmp(&piece.bound())) {
+            Ok(i) => known[i].1.clone(),
+            Err(_) => self.bind_piece(device, piece),
         };
         let groups: Vec<_> = key.pieces.iter().map(group_of).collect();
         view.groups = groups;

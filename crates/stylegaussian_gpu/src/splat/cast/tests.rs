@@ -197,3 +197,17 @@ fn casters_are_projected_once_per_change() {
     assert!(view.depths.is_none() && view.groups.is_empty(), "what is gone holds memory");
     assert!(drawn(&gpu, &pass, &view, 0.0).iter().all(|&depth| depth == 0.0), "what is gone casts a shadow");
 }
+
+/// Bindings are made of what came alone, whatever its place among the others.
+#[test]
+fn bindings_stay_while_other_casters_come_and_go() {
+    let Some(gpu) = gpu() else { return };
+    let scenes = [40, 50, 60].map(|n| GpuScene::new(&gpu.device, &random_scene(n)).unwrap());
+    let [a, b, c] = scenes.each_ref().map(|scene| Caster { cloud: cloud(scene), threshold: 0.5, faded: 0.0 });
+    let (pass, mut view) = (SplatPass::new(&gpu.device), CastView::new());
+    project(&gpu, &pass, &mut view, &sun(), &[a, b]);
+    let before = view.groups.clone();
+    project(&gpu, &pass, &mut view, &sun(), &[b, c, a]);
+    assert!(view.groups.len() == 3 && view.groups[0] == before[1] && view.groups[2] == before[0]);
+    assert!(!before.contains(&view.groups[1]));
+}
