@@ -4,8 +4,8 @@ use super::{Scene, ScreenFilter, Sh};
 use crate::sh::n_coefficients;
 
 impl Scene {
-    /// Adds the Gaussians of another scene behind its own: geometry and captured colors. The scene is its own
-    /// source from then on.
+    /// Adds the Gaussians of another scene behind its own: geometry and captured colors. They come behind its
+    /// source, too, so a scene that began empty is its own source.
     ///
     /// Colors have the higher degree of the two. Coefficients that one of them lacks are 0, which is mid-gray,
     /// the same from every side. If the filters differ, it is [`ScreenFilter::Classic`]. An empty scene takes
@@ -24,7 +24,7 @@ impl Scene {
         self.append_colors(other);
         if self.is_empty() {
             (self.offset, self.filter) = (other.offset, other.filter);
-        } else if self.filter != other.filter {
+        } else if !other.is_empty() && self.filter != other.filter {
             self.filter = ScreenFilter::Classic;
         }
         let between = (other.offset - self.offset).as_vec3();
@@ -32,9 +32,10 @@ impl Scene {
         self.rotations.extend(&other.rotations);
         self.scales.extend(&other.scales);
         self.opacities.extend(&other.opacities);
-        self.n_source = self.len();
-        self.order.clear();
-        self.order.extend(0..self.n_source as u32);
+        // All that is there stays: worlds are put together of thousands of parts.
+        let rows = self.n_source..self.n_source + other.len();
+        self.n_source = rows.end;
+        self.order.extend(rows.map(|row| row as u32));
         self.up = self.up.or(other.up);
         (self.features, self.neighbors, self.mask) = (None, None, None);
     }
@@ -45,7 +46,6 @@ impl Scene {
         let degrees = [&before, &other.sh].map(|sh| sh.as_ref().map_or(0, |sh| sh.degree));
         let degree = degrees[0].max(degrees[1]);
         let mut colors = match before {
-            // In place: worlds are put together of thousands of parts.
             Some(sh) if sh.degree == degree => sh,
             before => {
                 let mut wider = Sh { degree, coefficients: Vec::new() };
@@ -136,9 +136,12 @@ mod tests {
         let filtered = |filter: ScreenFilter| Scene { filter, ..part(Some(0), 1.0) };
         assert_eq!(joined(&[filtered(antialiased), filtered(antialiased)]).filter, antialiased);
         assert_eq!(joined(&[filtered(antialiased), filtered(classic)]).filter, classic);
+        assert_eq!(joined(&[filtered(antialiased), Scene::default()]).filter, antialiased);
         let mut painted = part(Some(0), 1.0);
         painted.mask = Some(crate::mask::weights::Mask::new(1));
         painted.append(&part(Some(0), 2.0));
         assert!(painted.mask.is_none() && painted.validate().is_ok());
+        // Rows 0 to 3 of its source were dropped.
+        assert_eq!((&painted.order[..], painted.n_source), (&[4, 5][..], 6));
     }
 }
