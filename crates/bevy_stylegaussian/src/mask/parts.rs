@@ -18,8 +18,8 @@ use crate::scene::{LoadedScene, WorldPart};
 /// ([`StyleVolume::painted`](crate::StyleVolume::painted)).
 ///
 /// The surroundings of a world have no mask. The time in which a part arrives grows with the number of changes
-/// that reach it, and undoing makes all others again. The list is not saved by reflection: a game keeps
-/// [`edits`](Self::edits) itself.
+/// that reach it, and undoing one makes the others again in the parts that it reaches. The list is not saved by
+/// reflection: a game keeps [`edits`](Self::edits) itself.
 #[derive(Component, Clone, Debug, Default)]
 pub struct WorldMask {
     /// The changes, and numbers that no others have. Those that are undone come last.
@@ -58,9 +58,11 @@ pub enum MaskEdit {
 pub(super) struct TakenOver {
     /// The scene whose mask they were made in.
     scene: Weak<Scene>,
+    /// The world's changes so far, and the number of the last one.
     n: usize,
-    /// The number of the last one.
     last: Option<u64>,
+    /// The numbers of those that reach the part, which are made.
+    made: Vec<u64>,
 }
 
 impl WorldMask {
@@ -165,25 +167,38 @@ pub(super) fn take_over_edits(
         let (done, n) = (world.done(), taken.n);
         let last = |n: usize| Some(done.get(n.checked_sub(1)?)?.0);
         let is_known = taken.scene.as_ptr() == Arc::as_ptr(scene);
-        let goes_on = n == 0 || (is_known && last(n) == taken.last);
-        if is_known && goes_on && n == done.len() {
+        let goes_on = is_known && last(n) == taken.last;
+        if goes_on && n == done.len() {
             continue;
         }
         let bounds = loaded.asset.bounds().ok().flatten();
         let reaches = |edit: &MaskEdit| bounds.as_ref().is_none_or(|bounds| edit.reaches(bounds));
-        let to_make = if goes_on { &done[n..] } else { done };
-        let mut to_make = to_make.iter().filter(|(_, edit)| reaches(edit)).peekable();
-        // Borrowed mutably only if something changes.
-        if (!goes_on || to_make.peek().is_some())
-            && let Some(painted) = &mut mask.weights.painted
-        {
-            if !goes_on {
-                *painted = Painted::new(Arc::clone(scene), Mask::new(scene.len()));
-            }
-            for (_, edit) in to_make {
-                painted.change(|mask, means| edit.make(mask, means));
+        let new = if goes_on { &done[n..] } else { done };
+        let mut to_make: Vec<_> = new.iter().filter(|(_, edit)| reaches(edit)).collect();
+        let mut made = std::mem::take(&mut taken.made);
+        let mut begins_anew = false;
+        if !goes_on {
+            // What was undone may not have reached it.
+            let is_made = is_known && to_make.iter().map(|(number, _)| number).take(made.len()).eq(&made);
+            begins_anew = !is_made && !made.is_empty();
+            if is_made {
+                to_make.drain(..made.len());
             }
         }
-        *taken = TakenOver { scene: Arc::downgrade(scene), n: done.len(), last: last(done.len()) };
+        // Borrowed mutably only if something changes.
+        if (begins_anew || !to_make.is_empty())
+            && let Some(painted) = &mut mask.weights.painted
+        {
+            if begins_anew {
+                *painted = Painted::new(Arc::clone(scene), Mask::new(scene.len()));
+                made.clear();
+            }
+            for (number, edit) in to_make {
+                painted.change(|mask, means| edit.make(mask, means));
+                made.push(*number);
+            }
+        }
+        let last = last(done.len());
+        *taken = TakenOver { scene: Arc::downgrade(scene), n: done.len(), last, made };
     }
 }

@@ -85,8 +85,16 @@ fn parts_take_over_the_mask_of_their_world_whenever_they_arrive() {
     assert_eq!(app.world().get::<MaskVisibility>(first), Some(&MaskVisibility::Hide(0)));
     change(&mut app, &paint(1));
     let second = arrive(&mut app, 2);
-    // One that is far away changes nothing.
+    change(&mut app, &|_| {});
+    // One that is far away changes nothing, and neither does undoing it.
+    let last_changed = |app: &App| {
+        [first, second].map(|part| app.world().entity(part).get_ref::<StyleMask>().unwrap().last_changed())
+    };
+    let before = last_changed(&app);
     change(&mut app, &paint(2));
+    change(&mut app, &|mask| assert!(mask.undo()));
+    change(&mut app, &|mask| assert!(mask.redo()));
+    assert!(last_changed(&app) == before);
     for (part, seed) in [(first, 1), (second, 2)] {
         assert_eq!(weights(&app, part), expected(seed, 2));
     }
