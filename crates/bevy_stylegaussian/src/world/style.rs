@@ -177,12 +177,21 @@ impl Tree {
     }
 }
 
+/// A run came, or the component of a world or of a run came or changed.
+type IsHandedDown<C> = Or<(Added<Run>, Changed<C>)>;
+
 /// Gives a component of a world to its runs, and takes it from them if it goes.
 pub(super) fn hand_down<C: Component + Clone>(
     mut commands: Commands,
     worlds: Query<Ref<C>, Without<Run>>,
     runs: Query<(Entity, Ref<Run>, Has<C>)>,
+    changed: Query<(), IsHandedDown<C>>,
+    mut removed: RemovedComponents<C>,
 ) {
+    // There are thousands of runs, and mostly nothing to hand down.
+    if removed.read().count() == 0 && changed.is_empty() {
+        return;
+    }
     for (entity, run, has) in &runs {
         match worlds.get(run.world) {
             Ok(given) if given.is_changed() || run.is_added() => {
@@ -196,12 +205,20 @@ pub(super) fn hand_down<C: Component + Clone>(
     }
 }
 
+/// A run was shown or hidden, or a transition came or changed.
+type IsTransitionHandedDown = Or<(Changed<StyleTransition>, (With<Run>, Changed<Visibility>))>;
+
 /// The same for transitions, once a run is shown: it appears in its style.
 pub(super) fn hand_down_transitions(
     mut commands: Commands,
     worlds: Query<Ref<StyleTransition>, Without<Run>>,
     runs: Query<(Entity, &Run, Ref<Visibility>, Has<StyleTransition>)>,
+    changed: Query<(), IsTransitionHandedDown>,
+    mut removed: RemovedComponents<StyleTransition>,
 ) {
+    if removed.read().count() == 0 && changed.is_empty() {
+        return;
+    }
     for (entity, run, visibility, has) in &runs {
         match worlds.get(run.world) {
             _ if *visibility == Visibility::Hidden => {}
