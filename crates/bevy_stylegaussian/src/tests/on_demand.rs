@@ -11,17 +11,19 @@ use bevy::{
     window::RequestRedraw,
 };
 use stylegaussian::Scene;
-use stylegaussian_files::write_scene;
+use stylegaussian_files::{world::FILE, write_scene};
 
 use crate::{
     AppliedStyle, GaussianSceneFailed, GaussianSceneReady, GaussianSplats, StyleGaussianPlugin, StyleMask,
     StyleSource, StyleTransition,
     style::{StyleMotion, TransitionClock, decoder::StyleBackend, has_unsettled_styles},
+    world::{GaussianWorld, WorldState},
 };
 
 use super::{
     paint::noise,
     world::{rendering::*, *},
+    worlds::write_world,
 };
 
 /// Updates as a runner does that waits for input: only as long as frames are asked for. Returns the number of
@@ -78,6 +80,23 @@ fn files_and_their_style_come_without_any_input() {
     *app.world_mut().get_mut(entity).unwrap() = StyleSource::none();
     until_asleep(&mut app);
     assert!(app.world().get::<AppliedStyle>(entity).is_none());
+}
+
+#[test]
+fn a_world_and_its_style_come_without_any_input() {
+    let dir = tempfile::tempdir().unwrap();
+    write_world(dir.path());
+    let file_path = dir.path().to_string_lossy().into_owned();
+    let mut app = app_with_assets(AssetPlugin { file_path, ..default() });
+    let manifest = app.world().resource::<AssetServer>().load(FILE);
+    let world = app.world_mut().spawn(GaussianWorld(manifest)).id();
+    let is_settled = |app: &App| app.world().get::<WorldState>(world).is_some_and(WorldState::is_settled);
+    until_asleep(&mut app);
+    assert!(is_settled(&app), "the app sleeps before the world is there");
+    let painting = add(&mut app, noise(1, [200, 40, 30], [20, 40, 180]));
+    app.world_mut().entity_mut(world).insert(StyleSource::image(painting));
+    until_asleep(&mut app);
+    assert!(is_settled(&app), "the app sleeps before the world is painted");
 }
 
 #[test]

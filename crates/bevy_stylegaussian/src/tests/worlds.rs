@@ -30,7 +30,7 @@ const CENTERS: [Vec3; 4] =
 const BUDGET: usize = 200 + 40 + 8 + 8;
 
 /// Writes the world, one file for each level.
-fn write_world(folder: &Path) {
+pub(super) fn write_world(folder: &Path) {
     for (level, count) in COUNTS.into_iter().enumerate() {
         let mut scene =
             Scene { features: None, decoder: None, ..small_scene(CENTERS.len() * count, level as u64) };

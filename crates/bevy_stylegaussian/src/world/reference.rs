@@ -7,7 +7,7 @@
 
 use std::sync::Arc;
 
-use bevy::prelude::*;
+use bevy::{prelude::*, window::RequestRedraw};
 use stylegaussian::Scene;
 
 use super::tree::{Run, Tree};
@@ -41,13 +41,15 @@ pub(super) struct Painted {
 #[derive(Component)]
 pub(super) struct IsReference;
 
-/// Makes the scenes of worlds that are styled, once all of their parts are there.
+/// Makes the scenes of worlds that are styled, once all of their parts are there. Asks for another frame while
+/// one is put together.
 pub(super) fn make_references(
     mut commands: Commands,
     mut worlds: Query<(Entity, &mut Tree, Option<&StyleSource>)>,
     runs: Query<&LoadedScene, With<Run>>,
     mut scenes: ResMut<Assets<GaussianScene>>,
     workers: Res<Workers>,
+    mut redraw: MessageWriter<RequestRedraw>,
 ) {
     for (entity, mut tree, source) in &mut worlds {
         // Looks are painted already, and what is mixed with them is painted alone.
@@ -60,9 +62,12 @@ pub(super) fn make_references(
                 let gathering =
                     workers.start(Lane::Scenes, move |_| Ok(GaussianScene::new(gathered(&parts, MOST))));
                 tree.reference = Some(Reference::Gathering(gathering));
+                redraw.write(RequestRedraw);
             }
             Some(Reference::Gathering(running)) => match running.get() {
-                None => {}
+                None => {
+                    redraw.write(RequestRedraw);
+                }
                 Some(Ok(scene)) => {
                     let splats = GaussianSplats(scenes.add(scene.clone()));
                     let parts = (splats, IsReference, Visibility::Hidden, ChildOf(entity));
