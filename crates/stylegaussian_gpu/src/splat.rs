@@ -27,8 +27,9 @@
 //! [`Composite::draw`]. A stage of its own, *depth* (`depth`), writes what the splats know of depth into the
 //! camera's depth attachment, if it is asked for: [`SplatPass::find_depth`], [`SplatPass::write_depth`].
 //! Another, *cast* (`cast`), draws the cores of splats into the shadow maps of lights:
-//! [`SplatPass::project_casters`], [`SplatPass::cast`]. The rules are those of the CPU twin, `stylegaussian::splat`, with two differences: quads finish no pixel early
-//! (less than 1e-4 of its light is left then), and records store colors and opacities as f16.
+//! [`SplatPass::project_casters`], [`SplatPass::cast`]. The rules are those of the CPU twin,
+//! `stylegaussian::splat`, with two differences: quads finish no pixel early (less than 1e-4 of its light is
+//! left then), and records store colors and opacities as f16.
 
 mod camera;
 mod cast;

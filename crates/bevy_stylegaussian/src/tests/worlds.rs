@@ -194,14 +194,15 @@ fn what_holds_for_a_world_holds_for_its_children() {
     let dark = SplatTint { exposure: -2.0, ..default() };
     game.app.world_mut().entity_mut(game.world).insert(dark);
     game.until_shown([200, 40, 8, 8]);
-    let tints = |game: &mut Game| -> Vec<Option<SplatTint>> {
-        let children = children(game.app.world_mut(), game.world);
-        children.iter().map(|(run, ..)| game.app.world().get(*run).copied()).collect()
-    };
-    assert_eq!(tints(&mut game), [Some(dark); 4]);
+    let runs = children(game.app.world_mut(), game.world);
+    let tints = |app: &App| [0, 1, 2, 3].map(|i: usize| app.world().get::<SplatTint>(runs[i].0).copied());
+    assert_eq!(tints(&game.app), [Some(dark); 4]);
     game.app.world_mut().entity_mut(game.world).remove::<SplatTint>();
     game.app.update();
-    assert_eq!(tints(&mut game), [None; 4]);
+    assert_eq!(tints(&game.app), [None; 4]);
+    game.app.world_mut().entity_mut(game.world).insert(dark);
+    game.app.update();
+    assert_eq!(tints(&game.app), [Some(dark); 4]);
 }
 
 #[test]

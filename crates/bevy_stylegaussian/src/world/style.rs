@@ -75,7 +75,7 @@ type StyledRun = (
 /// screen.
 pub(super) fn style_runs(
     mut commands: Commands,
-    mut worlds: Query<(Entity, &mut Tree, Option<&StyleSource>), Without<Run>>,
+    mut worlds: Query<(Entity, &mut Tree, Option<Ref<StyleSource>>), Without<Run>>,
     references: Query<StyleState, (With<IsReference>, Without<Run>)>,
     mut runs: Query<StyledRun>,
     budget: Res<GaussianBudget>,
@@ -85,7 +85,7 @@ pub(super) fn style_runs(
     let mut ready: EntityHashMap<Option<Arc<Beside>>> = EntityHashMap::default();
     for (world, mut tree, source) in &mut worlds {
         let Some(source) = source.filter(|source| !source.is_none()) else { continue };
-        if let Some(beside) = tree.beside(source, &references, &mut commands) {
+        if let Some(beside) = tree.beside(&source, &references, &mut commands) {
             ready.insert(world, beside);
         }
     }
@@ -93,6 +93,8 @@ pub(super) fn style_runs(
     let (mut waiting, mut painting) = (Vec::new(), (most, 0));
     for (entity, run, own, (jobs, look, loaded)) in &mut runs {
         let Ok((_, tree, source)) = worlds.get(run.world) else { continue };
+        let is_changed = source.as_ref().is_some_and(|source| source.is_changed());
+        let source = source.as_deref();
         let (source, look) = match source.map_or(Given::There(None), |source| Given::of(source, look)) {
             Given::There(look) => (source, look),
             // What is shown stays until then.
@@ -108,9 +110,9 @@ pub(super) fn style_runs(
             (Some(source), None) if source.is_none() => {}
             // Knobs take no time, nor does a style that goes.
             (Some(source), Some(mut own)) if source.is_none() || own.is_part_of(source, look) => {
-                let wanted = source.for_part(look);
-                if *own != *wanted {
-                    *own = wanted.into_owned();
+                // With looks, it is a copy.
+                if is_changed || own.is_changed() {
+                    own.set_if_neq(source.for_part(look).into_owned());
                 }
                 if !source.is_none() && jobs.is_none_or(StyleJobs::are_computing) {
                     painting.1 += counted(loaded);
@@ -126,7 +128,7 @@ pub(super) fn style_runs(
         let (Ok((_, _, Some(source))), Some(beside)) = (worlds.get(run.world), ready.get(&run.world)) else {
             continue;
         };
-        let Given::There(look) = Given::of(source, look) else { continue };
+        let Given::There(look) = Given::of(&source, look) else { continue };
         if !within(&mut painting, counted(loaded)) {
             break;
         }
