@@ -152,8 +152,14 @@ pub(super) struct Sources<'w, 's> {
 pub(super) fn cut_looks(
     mut worlds: Query<(&mut Tree, Option<&StyleSource>), Without<Run>>,
     mut runs: Query<(Entity, &Run, Option<&mut RunLook>)>,
+    with_looks: Query<(), With<RunLook>>,
     mut sources: Sources,
 ) {
+    // Most worlds have no looks, and thousands of runs.
+    let folder = worlds.iter().find_map(|(_, source)| source?.folder_of_looks());
+    if with_looks.is_empty() && folder.is_none() {
+        return;
+    }
     let (mut waiting, mut n_busy, mut reading) = (Vec::new(), 0, HashSet::new());
     for (entity, run, look) in &mut runs {
         let Ok((mut tree, source)) = worlds.get_mut(run.world) else { continue };

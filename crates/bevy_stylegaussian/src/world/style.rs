@@ -78,9 +78,14 @@ pub(super) fn style_runs(
     mut worlds: Query<(Entity, &mut Tree, Option<Ref<StyleSource>>), Without<Run>>,
     references: Query<StyleState, (With<IsReference>, Without<Run>)>,
     mut runs: Query<StyledRun>,
+    styled: Query<(), (With<Run>, With<StyleSource>)>,
     budget: Res<GaussianBudget>,
     threads: Res<StyleThreads>,
 ) {
+    // In worlds as captured, there are thousands of runs with nothing to do.
+    if styled.is_empty() && worlds.iter().all(|(.., source)| source.is_none_or(|source| source.is_none())) {
+        return;
+    }
     // The painted scenes of the worlds whose runs can be painted.
     let mut ready: EntityHashMap<Option<Arc<Beside>>> = EntityHashMap::default();
     for (world, mut tree, source) in &mut worlds {
