@@ -49,8 +49,11 @@ use plan::Plan;
 /// the resolution.
 pub const RATIO: usize = 4;
 
-/// Nodes of a chunk, at least: a node is the smallest part of which the level is chosen.
-const NODES_PER_CHUNK: usize = 16;
+/// Nodes of a chunk, at least: a node is the smallest part of which the level is chosen. Each that is shown
+/// takes dispatches of its own, so that smaller ones cost a frame more than they save: of 100 million
+/// Gaussians, a cut of 400,000 took 1.8 times the frame of a single scene with 16, and 1.2 times with 4
+/// (`cargo xtask fly`, software Vulkan).
+const NODES_PER_CHUNK: usize = 4;
 
 /// The folder of what is not complete.
 const PARTIAL: &str = "tile.partial";
@@ -60,7 +63,7 @@ const PARTIAL: &str = "tile.partial";
 pub struct TileOptions {
     /// Number of levels, 1..=[`MAX_LEVELS`]. Each has a quarter of the Gaussians of the finer one.
     pub n_levels: usize,
-    /// Most Gaussians of a chunk, 16 at least. A node has a sixteenth of them at most.
+    /// Most Gaussians of a chunk, 4 at least. A node has a quarter of them at most.
     pub chunk: usize,
     /// The largest side of the box around a node's means, in scene units, or `None` for any.
     pub cell: Option<f32>,

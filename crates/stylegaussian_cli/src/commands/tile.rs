@@ -41,9 +41,9 @@ pub struct TileArgs {
         value_parser = clap::value_parser!(u32).range(1..=32))]
     levels: u32,
     /// Most Gaussians of a chunk, which is read as a whole. Its parts, of which each is shown at a level of its
-    /// own, have a sixteenth at most.
+    /// own, have a quarter at most.
     #[arg(long, value_name = "N", default_value_t = TileOptions::default().chunk as u32,
-        value_parser = clap::value_parser!(u32).range(16..))]
+        value_parser = clap::value_parser!(u32).range(4..))]
     chunk: u32,
     /// The largest side of a part, in scene units [default: any].
     #[arg(long, value_name = "M", value_parser = size)]

@@ -32,7 +32,7 @@ fn slices(scene: &Scene) -> impl Iterator<Item = Result<Loaded, FileError>> + '_
     indices.chunks(300).map(slice).collect::<Vec<_>>().into_iter()
 }
 
-const OPTIONS: TileOptions = TileOptions { n_levels: 3, chunk: 640, cell: None, sh_degree: 3 };
+const OPTIONS: TileOptions = TileOptions { n_levels: 3, chunk: 160, cell: None, sh_degree: 3 };
 
 fn tiled(scene: &Scene, folder: &Path) -> Result<Tiled, TileError> {
     tile(slices(scene), "key", folder, &OPTIONS, &Work::default())
@@ -208,7 +208,7 @@ fn damaged_parts_and_foreign_folders_are_told() {
     for options in [
         TileOptions { n_levels: 0, ..OPTIONS },
         TileOptions { n_levels: 33, ..OPTIONS },
-        TileOptions { chunk: 15, ..OPTIONS },
+        TileOptions { chunk: 3, ..OPTIONS },
         TileOptions { cell: Some(0.0), ..OPTIONS },
         TileOptions { sh_degree: 4, ..OPTIONS },
     ] {
