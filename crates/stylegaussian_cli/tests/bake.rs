@@ -183,7 +183,7 @@ fn a_scene_of_one_gaussian_is_baked_and_an_empty_one_is_refused() {
 fn the_chunks_of_a_world_are_baked_one_by_one() {
     let bench = bench();
     let [scene, world, painting] = ["a.sgs", "world", "p.png"].map(|name| bench.path(name));
-    stylegaussian(&["tile", &scene, "-o", &world, "--levels", "2", "--chunk", "256"]).expect_success();
+    stylegaussian(&["tile", &scene, "-o", &world, "--levels", "2", "--chunk", "128"]).expect_success();
     let levels = World::open(&Path::new(&world).join(FILE)).unwrap();
     assert!(levels.nodes.len() >= 16 && levels.files.len() >= 4, "{:?}", levels.files);
     let bake = |chunk: &str, more: &[&str]| {
