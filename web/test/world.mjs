@@ -25,7 +25,7 @@ before(async () => {
   assert.ok(program(), "the native program is not built. Run: cargo build -p stylegaussian_cli");
   // That of an earlier run, in a folder that is kept.
   rmSync(WORLD, { recursive: true, force: true });
-  run("tile", "assets/demo.sgs", "--levels", "3", "--chunk", "32768", "--output", WORLD);
+  run("tile", "assets/demo.sgs", "--levels", "3", "--chunk", "8192", "--output", WORLD);
   levels = JSON.parse(readFileSync(join(WORLD, "lod-meta.json")));
   browser = await launch();
   server = await serve(["web/page", "web", "web/dist", join(folder, "host")]);
