@@ -121,7 +121,8 @@ fn still_shadows_are_not_projected_again() {
     let mut last = n_after(&mut studio);
     assert!(last > 0, "a lamp projects nothing");
     let moved = |by: Vec3| Transform::from_translation(by);
-    let changes: [(&str, &dyn Fn(&mut World)); 4] = [
+    type Change<'a> = (&'a str, &'a dyn Fn(&mut World));
+    let changes: [Change; 4] = [
         ("a lamp that moves", &|world| {
             world.entity_mut(lamp).insert(moved(Vec3::Y) * beside_the_camera());
         }),

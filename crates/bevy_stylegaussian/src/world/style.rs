@@ -63,6 +63,9 @@ fn is_busy(jobs: Option<&StyleJobs>) -> bool {
     jobs.is_none_or(|jobs| jobs.of_scene.is_empty() || !jobs.of_scene.iter().all(|job| job.is_settled()))
 }
 
+/// A world and its style.
+type StyledWorld = (Entity, &'static mut Tree, Option<Ref<'static, StyleSource>>);
+
 /// A run, its style, its look, and its scene.
 type StyledRun = (
     Entity,
@@ -75,7 +78,7 @@ type StyledRun = (
 /// screen.
 pub(super) fn style_runs(
     mut commands: Commands,
-    mut worlds: Query<(Entity, &mut Tree, Option<Ref<StyleSource>>), Without<Run>>,
+    mut worlds: Query<StyledWorld, Without<Run>>,
     references: Query<StyleState, (With<IsReference>, Without<Run>)>,
     mut runs: Query<StyledRun>,
     styled: Query<(), (With<Run>, With<StyleSource>)>,

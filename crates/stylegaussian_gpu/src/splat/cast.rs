@@ -314,7 +314,7 @@ impl Cast {
         // Sorted, because a world casts with thousands of pieces.
         let mut known: Vec<(Bound, &wgpu::BindGroup)> =
             view.key.pieces.iter().map(Piece::bound).zip(&view.groups).collect();
-        known.sort_unstable_by(|(a, _), (b, _)| a.cmp(b));
+        known.sort_unstable_by_key(|(bound, _)| *bound);
         let group_of = |piece: &Piece| match known.binary_search_by(|(known, _)| known.cmp(&piece.bound())) {
             Ok(i) => known[i].1.clone(),
             Err(_) => self.bind_piece(device, piece),
