@@ -57,7 +57,8 @@ struct Arguments {
     /// An image in whose style the world is painted during the flight.
     #[arg(long, value_name = "IMAGE")]
     style: Option<PathBuf>,
-    /// The frame in which the style changes, after the middle of the flight [default: at three quarters].
+    /// The frame in which the style changes, after the middle of the flight, where the world is in view
+    /// [default: the first one that is not compared].
     #[arg(long, value_name = "FRAME", requires = "style")]
     style_at: Option<u32>,
     /// Also compare with the full resolution. All of it must fit in memory.
@@ -192,8 +193,8 @@ impl Flight {
         let world = app.spawn((GaussianWorld(assets.load(manifest.to_path_buf())), place)).id();
         let mut flight = Self { stage, path, n_frames: arguments.frames as usize, world, place, style: None };
         if let Some(path) = &arguments.style {
-            let at = arguments.style_at.map_or(flight.n_frames * 3 / 4, |at| at as usize);
             let free = flight.compared().end..flight.n_frames;
+            let at = arguments.style_at.map_or(free.start, |at| at as usize);
             ensure!(free.contains(&at), "--style-at {at}: expected {} to {}", free.start, free.end - 1);
             let path = fs::canonicalize(path).with_context(|| path.display().to_string())?;
             let image: Handle<Image> = assets.load(path.clone());
