@@ -71,7 +71,7 @@ fn style(assets: &AssetServer, name: &str) -> StyleSource {
     StyleSource::preset(assets.load(format!("styles/{name}.style.safetensors")))
 }
 
-/// What each camera has. Splats have soft edges, and those of less than half a pixel are hardly seen.
+/// Components of each camera. Splats have soft edges, and those of less than half a pixel are hardly seen.
 fn look() -> impl Bundle {
     (Tonemapping::None, Msaa::Off, SplatCuts { least_radius: 0.5, ..default() })
 }
@@ -86,7 +86,7 @@ fn join_eyes(mut commands: Commands, eyes: Query<Entity, With<XrCamera>>) {
     }
 }
 
-/// What controllers are asked for.
+/// Buttons that controllers are asked for.
 #[derive(Resource)]
 struct Buttons {
     set: openxr::ActionSet,

@@ -17,7 +17,7 @@ use crate::{
 };
 
 /// Gaussians that are painted at a time, for each thread: what waits longer can be overtaken by what a camera
-/// turned to. A scene of 70,000 takes 1.5 s of two cores, so these take a third of a second of one.
+/// turned to. A scene of 70,000 takes 1.5 s of processor time, so these take a fifth of a second of one core.
 const AT_ONCE: usize = 8192;
 
 /// The Gaussians as which a smaller run counts: its job and its buffers on the GPU cost time whatever its size.

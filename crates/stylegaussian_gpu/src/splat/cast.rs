@@ -114,7 +114,7 @@ struct Cores {
 /// The casters of one shadow map from frame to frame.
 #[derive(Debug, Default)]
 pub struct CastView {
-    /// What the depths hold. There is nothing to write without pieces.
+    /// The key of the depths. If it has no pieces, nothing is written.
     key: CastKey,
     /// The bindings of the key's pieces.
     groups: Vec<wgpu::BindGroup>,
