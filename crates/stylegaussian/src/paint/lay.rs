@@ -29,9 +29,13 @@ use crate::{
 const CHROMA: f32 = 0.15;
 
 /// Energies at which half of the protection is reached: over the painting's strokes, and over the scene's usual
-/// energy. Both must be exceeded.
+/// energy. Both must be exceeded, and so must [`LONE`].
 const OF_STROKES: f32 = 0.015;
 const OF_SCENE: f32 = 3.0;
+
+/// Contrast over the usual one around it, at which half of the protection is reached. So a window stands out of
+/// a wall, and neither the weave of a cloth nor one blossom of many does: all of a texture is painted.
+const LONE: f32 = 2.0;
 
 /// A painting is quiet if the energy of its strokes is less than this many times the scene's usual energy. Then
 /// more energy is required for protection, up to [`MOST_QUIET`] times as much, so that its strokes are not
@@ -378,6 +382,7 @@ pub(super) fn standing_out(choice: &Choice, energies: &[f32], usual: f32) -> [Ve
     [0, 1].map(|which: usize| {
         let share = |(i, energy): (usize, &f32)| {
             let q = energy / halves[choice.of_gaussian(i)][which];
+            let q = q.min(choice.surface.lone[i] / LONE);
             q * q / (1.0 + q * q)
         };
         energies.par_iter().enumerate().map(share).collect()

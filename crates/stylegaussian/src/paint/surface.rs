@@ -4,7 +4,7 @@ use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
 use super::{
-    frames::Frames,
+    frames::{Frames, outer},
     patch::{PATCH, STEP, offset_in_patch},
     proofs::Proofs,
     seeds::{Ground, Nearest, Seed, Seeds, Shared},
@@ -31,6 +31,9 @@ const SMOOTH: [f32; 3] = [2.0, 4.0, 8.0];
 
 /// Standard deviation over which contrast is measured, in pixels of the painting.
 const AROUND_EDGES: f32 = 2.5;
+
+/// Standard deviation over which contrast counts as usual there, in pixels of the painting.
+const AROUND_TEXTURE: f32 = 24.0;
 
 /// Shares of the time that the choice of views takes, and looking through them of what is left.
 const VIEWS: f32 = 0.3;
@@ -62,6 +65,8 @@ pub struct Surface {
     /// Contrast around each Gaussian: the mean of d d^T, where d is the color's detail between grain and shapes
     /// `[N]`.
     pub(super) edges: Vec<Square>,
+    /// This contrast over the usual one there, in luminance `[N]`: about 1 in texture, 7 at a lone edge.
+    pub(super) lone: Vec<f32>,
     /// Pictures by which paint is measured.
     pub(super) proofs: Proofs,
     /// Gaussians under a patch around each seed, upright and along its direction `[M]` each.
@@ -120,6 +125,7 @@ impl Surface {
         surface.base = in_rows(&surface.base, &rows);
         surface.low = in_rows(&surface.low, &rows);
         surface.edges = in_rows(&surface.edges, &rows);
+        surface.lone = in_rows(&surface.lone, &rows);
         surface.seeds.owners = in_rows(&surface.seeds.owners, &rows);
         for i in surface.patches.iter_mut().flatten().flatten() {
             *i = order[*i as usize];
@@ -199,6 +205,7 @@ impl Surface {
             || edges(&soft, &shapes, &grid(AROUND_EDGES), &sight.visibility),
         );
         work.at(0.9)?;
+        let lone = lone(&edges, &grid(AROUND_TEXTURE), &sight.visibility);
         let (moments, of_other, shared) = match beside {
             Some((other, shared)) => (other.moments, other.seeds.to_share(&shared), shared),
             None => {
@@ -226,6 +233,7 @@ impl Surface {
             base,
             low,
             edges,
+            lone,
             proofs: sight.proofs,
             visibility: sight.visibility,
             patches,
@@ -290,6 +298,14 @@ fn edges(soft: &[Vec3], shapes: &[Vec3], grid: &Grid, weights: &[f32]) -> Vec<Sq
     };
     let (diagonal, beside) = rayon::join(|| mean(|d| d * d), || mean(|d| d * Vec3::new(d.y, d.z, d.x)));
     diagonal.into_iter().zip(beside).map(|(diagonal, beside)| Square { diagonal, beside }).collect()
+}
+
+/// Contrast over the weighted mean around it.
+fn lone(edges: &[Square], grid: &Grid, weights: &[f32]) -> Vec<f32> {
+    let luminance = outer(LUMINANCE, LUMINANCE);
+    let own: Vec<Vec3> = edges.iter().map(|edges| Vec3::splat(edges.dot(&luminance).max(0.0))).collect();
+    let around = grid.smooth(&own, weights);
+    own.iter().zip(&around).map(|(own, around)| own.x / around.x.max(1e-9)).collect()
 }
 
 /// Gaussians under the patches of seeds: the nearest visible ones.

@@ -137,23 +137,22 @@ fn the_same_for_any_number_of_threads() {
 
 #[test]
 fn what_stands_out_is_protected() {
-    // Dark checks, smaller than a stroke, on a part of a smooth wall.
+    // Dark and bright checks, smaller than a stroke: a few on a smooth wall, and a field of them.
     let mut scene = wall(96);
     let color = |i: usize| {
         let (x, y) = (i % 96, i / 96);
-        let is_rough = (40..56).contains(&x) && (40..56).contains(&y);
+        let is_rough = (18..24).contains(&x) && (45..51).contains(&y) || x >= 56;
         if is_rough { [0.1 + 0.8 * ((x / 2 + y / 2) % 2) as f32; 3] } else { [0.5 + 0.001 * x as f32; 3] }
     };
     let colors: Vec<_> = (0..96 * 96).map(color).collect();
     scene.set_colors(&colors);
     let words = painted(&scene, &stripes(512, 512)).strokes.words;
-    let protection = |x: usize, y: usize| StrokeWord::unpacked(words[y * 96 + x]).protection;
-    assert!(
-        protection(48, 48) > 0.6 && protection(10, 10) < 0.1,
-        "{} {}",
-        protection(48, 48),
-        protection(10, 10)
-    );
+    let mean = |from: [usize; 2], size: usize| -> f32 {
+        let rows = (from[1]..from[1] + size).flat_map(|y| (from[0]..from[0] + size).map(move |x| y * 96 + x));
+        rows.map(|i| StrokeWord::unpacked(words[i]).protection).sum::<f32>() / (size * size) as f32
+    };
+    let [few, field, smooth] = [mean([19, 46], 4), mean([70, 40], 16), mean([5, 5], 8)];
+    assert!(few > 0.6 && field < 0.3 && smooth < 0.1, "few {few}, a field {field}, none {smooth}");
 }
 
 #[test]

@@ -193,9 +193,11 @@ fn neighbors_in_sixteen_paintings_prefer_the_same_one() {
 
 #[test]
 fn the_palette_pulls_as_much_as_it_is_told() {
-    // Any hue in the scene, and three in the painting.
+    // Areas of any hue in the scene, and three hues in the painting.
     let mut scene = wall(48);
-    let colors: Vec<_> = (0..48 * 48).map(|i| [7, 11, 13].map(|n| (i * n % 89) as f32 / 88.0)).collect();
+    let area = |i: usize| i % 48 / 8 + 6 * (i / 48 / 8);
+    let colors: Vec<_> =
+        (0..48 * 48).map(|i| [7, 11, 13].map(|n| (area(i) * n % 37) as f32 / 36.0)).collect();
     scene.set_colors(&colors);
     let surface = surface(&scene);
     let three = [[200, 40, 40], [40, 160, 50], [50, 60, 210]];
@@ -204,13 +206,12 @@ fn the_palette_pulls_as_much_as_it_is_told() {
     let with = |palette| laid(&scene, &surface, &[&canvas], Hand { palette, ..Hand::default() });
     let chroma = |color: Vec3| color - color.dot(LUMINANCE);
     let hues = three.map(|color| chroma(Vec3::from(color.map(f32::from))).normalize());
-    // How far hues are from the nearest of the painting's.
+    // How far hues are from the nearest of the painting's, as a share of the chroma.
     let off = |painted: &Painted| {
-        let apart = |color: &[f32; 3]| {
-            let chroma = chroma(Vec3::from(*color));
-            chroma.length() - hues.map(|hue| hue.dot(chroma)).into_iter().fold(0.0, f32::max)
-        };
-        painted.colors.iter().map(apart).sum::<f32>()
+        let chromas: Vec<Vec3> = painted.colors.iter().map(|color| chroma(Vec3::from(*color))).collect();
+        let near = |chroma: &Vec3| hues.map(|hue| hue.dot(*chroma)).into_iter().fold(0.0, f32::max);
+        1.0 - chromas.iter().map(near).sum::<f32>()
+            / chromas.iter().map(|chroma| chroma.length()).sum::<f32>()
     };
     let [none, some, usual, all] = [0.0, 0.5, Hand::PALETTE, 1.0].map(|palette| off(&with(palette)));
     assert!(none > some && some > usual && usual > all, "{none} {some} {usual} {all}");
