@@ -4,17 +4,21 @@ import { why } from "./why.js";
 
 export class NoWebGpu extends Error {}
 
-// Starts the app on the page's canvas `#scene`, and returns its module. `progress` hears of the share that is loaded, 0..1;
-// `hear` of the app's events, and of its end.
+// Starts the app on the page's canvas `#scene`, and returns its module. `progress` hears of the share that is
+// loaded, 0..1; `hear` of the app's events, and of its end.
 export async function start(progress, hear) {
   if (!navigator.gpu || !(await navigator.gpu.requestAdapter())) {
-    throw new NoWebGpu("This browser has no WebGPU, which the scene is drawn with. Chrome, Edge, Safari 26 and Firefox 141 or later have it.");
+    throw new NoWebGpu(
+      "This browser has no WebGPU, which the scene is drawn with. " +
+        "Chrome, Edge, Safari 26 and Firefox 141 or later have it.",
+    );
   }
   const app = await import("./app.js");
-  // A panic of the app, memory that runs out included, is an error of the script that called it. The page stays.
+  // A panic of the app, also if memory runs out, is an error of the script that called it. The page stays.
   let memory;
   const stopped = (error) => {
-    if (error instanceof WebAssembly.RuntimeError) hear("failed", `The app has stopped (${why(error, memory)}). Reload the page to go on.`);
+    if (!(error instanceof WebAssembly.RuntimeError)) return;
+    hear("failed", `The app has stopped (${why(error, memory)}). Reload the page to go on.`);
   };
   window.addEventListener("error", (event) => stopped(event.error));
   window.addEventListener("unhandledrejection", (event) => stopped(event.reason));

@@ -3,8 +3,8 @@
 // Radians per pixel of a drag, and per press of a key.
 const TURN = 0.006, KEY_TURN = 0.1;
 
-// Steers the app that `running` returns, if there is one yet. One finger or button turns, two fingers zoom and move. Pointer events
-// are those of mouse, touch and pen alike.
+// Steers the app that `running` returns, if there is one yet. One finger or button turns, two fingers zoom and
+// move. Pointer events are those of mouse, touch and pen alike.
 export function steer(stage, running) {
   const pointers = new Map();
   const spread = () => {
@@ -29,7 +29,9 @@ export function steer(stage, running) {
     } else if (event.buttons & 4 || event.shiftKey) app.fly(-dx / 1000, dy / 1000, 0);
     else app.turn(-dx * TURN, dy * TURN);
   });
-  for (const end of ["pointerup", "pointercancel"]) stage.addEventListener(end, (event) => pointers.delete(event.pointerId));
+  for (const end of ["pointerup", "pointercancel"]) {
+    stage.addEventListener(end, (event) => pointers.delete(event.pointerId));
+  }
   stage.addEventListener("wheel", (event) => {
     event.preventDefault();
     running()?.zoom(Math.exp(event.deltaY / 800));

@@ -6,7 +6,10 @@ export declare class StyledSplats extends HTMLElement {
   painting: string;
   /** Share of the style's colors, 0 to 1. */
   strength: number;
-  /** `strokes` (default) lays on the painting's own strokes; `decoder` uses the paper's network, for which a scene needs features. */
+  /**
+   * `strokes` (default) lays on the painting's own strokes; `decoder` uses the paper's network, for which a
+   * scene needs features.
+   */
   method: "strokes" | "decoder";
   /** Factor of the strokes, 0 to 3: at 0, the painting's colors are left. 1 is the default, here and below. */
   paint: number;
@@ -27,15 +30,25 @@ export declare class StyledSplats extends HTMLElement {
     listener: (event: StyledSplatsEvents[K]) => void,
     options?: boolean | AddEventListenerOptions,
   ): void;
-  addEventListener(type: string, listener: EventListenerOrEventListenerObject, options?: boolean | AddEventListenerOptions): void;
+  addEventListener(
+    type: string,
+    listener: EventListenerOrEventListenerObject,
+    options?: boolean | AddEventListenerOptions,
+  ): void;
 }
 
 export interface StyledSplatsEvents {
   /** The app draws. */
   ready: CustomEvent<Record<string, never>>;
   /** Work that takes a while, and the share that is done, 0 to 1, if it is known. */
-  progress: CustomEvent<{ task: "loading" | "reading" | "encoding" | "painting" | "embedding"; share: number | null }>;
-  /** The scene was read. One without features is embedded first if the decoder is to paint it, and is then loaded once more. */
+  progress: CustomEvent<{
+    task: "loading" | "reading" | "encoding" | "painting" | "embedding";
+    share: number | null;
+  }>;
+  /**
+   * The scene was read. One without features is embedded first if the decoder is to paint it, and is then
+   * loaded once more.
+   */
   loaded: CustomEvent<{ gaussians: number; hasFeatures: boolean }>;
   /** The scene is drawn. */
   shown: CustomEvent<Record<string, never>>;

@@ -3,11 +3,11 @@
 import { start } from "./start.js";
 import { steer } from "./steer.js";
 
-// The app draws into the canvas `#scene` of its page, and cannot be started twice. So the elements of a page share one app and one
-// canvas, and the first one in the document has them.
+// The app draws into the canvas `#scene` of its page, and cannot be started twice. So the elements of a page
+// share one app and one canvas, and the first one in the document has them.
 const canvas = Object.assign(document.createElement("canvas"), { id: "scene" });
-// Over what the page has in the element, which is seen until the first picture is there. It has a size from the beginning: the app's
-// first frame asks for it.
+// Over what the page has in the element, which is seen until the first picture is there. It has a size from the
+// beginning: the app's first frame asks for it.
 canvas.style.cssText = "position: absolute; inset: 0; width: 100%; height: 100%; visibility: hidden";
 let app, starting, owner;
 
@@ -26,7 +26,9 @@ function hear(kind, text) {
 }
 
 class StyledSplats extends HTMLElement {
-  static observedAttributes = ["src", "painting", "strength", "method", ...STROKES.keys(), "transition", "seconds"];
+  static observedAttributes = [
+    "src", "painting", "strength", "method", ...STROKES.keys(), "transition", "seconds",
+  ];
 
   // Numbers of the changes of `src` and of `painting`: an answer to an older one is dropped.
   #asked = { src: 0, painting: 0 };
@@ -68,8 +70,11 @@ class StyledSplats extends HTMLElement {
     if (name === "src") this.#open();
     else if (name === "painting") this.#paint();
     else if (name === "strength" || name === "method") this.#restyle();
-    else if (STROKES.has(name)) app.set_strokes(...[...STROKES].map(([name, range]) => this.#number(name, 1, ...range)));
-    else app.set_transition(this.#choice("transition", TRANSITIONS), this.#number("seconds", SECONDS, 0, 3600));
+    else if (STROKES.has(name)) {
+      app.set_strokes(...[...STROKES].map(([name, range]) => this.#number(name, 1, ...range)));
+    } else {
+      app.set_transition(this.#choice("transition", TRANSITIONS), this.#number("seconds", SECONDS, 0, 3600));
+    }
   }
 
   async #open() {
@@ -86,7 +91,9 @@ class StyledSplats extends HTMLElement {
     // What is fetched for an older one comes too late.
     this.#asked.src += 1;
     const base = this.ownerDocument.baseURI;
-    if (!URL.canParse(src, base)) return this.#fail(`${src}: found no address, expected that of a lod-meta.json`);
+    if (!URL.canParse(src, base)) {
+      return this.#fail(`${src}: found no address, expected that of a lod-meta.json`);
+    }
     this.#isLoaded = false;
     app.open_world(new URL(src, base).href);
   }
@@ -187,10 +194,14 @@ for (const [name, choices] of [["src"], ["painting"], ["method", METHODS], ["tra
       const found = this.getAttribute(name) ?? "";
       return !choices || choices.includes(found) ? found : choices[0];
     },
-    set(value) { value === null || value === undefined || value === "" ? this.removeAttribute(name) : this.setAttribute(name, value); },
+    set(value) {
+      if (value === null || value === undefined || value === "") this.removeAttribute(name);
+      else this.setAttribute(name, value);
+    },
   });
 }
-for (const [name, usual] of [["strength", 1], ["seconds", SECONDS], ...[...STROKES.keys()].map((name) => [name, 1])]) {
+const NUMBERS = [["strength", 1], ["seconds", SECONDS], ...[...STROKES.keys()].map((name) => [name, 1])];
+for (const [name, usual] of NUMBERS) {
   Object.defineProperty(StyledSplats.prototype, name === "stroke-scale" ? "strokeScale" : name, {
     get() { return Number(this.getAttribute(name) ?? usual); },
     set(value) { this.setAttribute(name, String(value)); },

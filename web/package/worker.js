@@ -1,4 +1,4 @@
-// The worker: the app's module without an app, for computations that would stop the page's frames. See worker.rs.
+// The worker: the app's module without an app, for what would stop the page's frames. See worker.rs.
 
 import start, * as app from "./app.js";
 import { why } from "./why.js";
@@ -10,7 +10,10 @@ let memory;
 onmessage = ({ data }) => {
   if (data.module) {
     turn = start({ module_or_path: data.module });
-    turn.then((loaded) => { memory = loaded.memory; postMessage({ ready: true }); }, (error) => postMessage({ stopped: String(error) }));
+    turn.then(
+      (loaded) => { memory = loaded.memory; postMessage({ ready: true }); },
+      (error) => postMessage({ stopped: String(error) }),
+    );
   } else turn = turn.then(() => answer(data));
 };
 

@@ -17,7 +17,8 @@ const wish = {
   style: "", second: "", share: 0.5, strength: 1, kind: "look", paint: 1, protection: 1, stroke_scale: 1,
   motion: "still", rate: 8, distance: 0.5, relief: 0, light_from: 0, screen_stable: false,
 };
-// What sliders set: the style, and how its strokes are drawn, which computes nothing. Functions of the app take the latter.
+// What sliders set: the style, and how its strokes are drawn, which computes nothing. Functions of the app take
+// the latter.
 const SHARES = ["share", "strength"];
 const STROKES = {
   set_strokes: ["paint", "protection", "stroke_scale"], set_motion: ["motion", "rate", "distance"],
@@ -67,7 +68,11 @@ function show() {
 const needsFeatures = () => isPlain && wish.kind === "decode";
 
 // The sentence while nothing goes on.
-const rest = () => notice(needsFeatures() && !isEmbedding ? "This capture holds no features, which the decoder needs. Embedding it here takes minutes." : "");
+const rest = () => notice(
+  needsFeatures() && !isEmbedding
+    ? "This capture holds no features, which the decoder needs. Embedding it here takes minutes."
+    : "",
+);
 
 function apply() {
   // Paint would wait for minutes behind features that it does not need.
@@ -84,7 +89,8 @@ function apply() {
   if (mix.length && wish.second) mix.push([wish.second, wish.share]);
   const kept = mix.filter(([, weight]) => weight > 0);
   document.body.dataset.state = "styling";
-  app?.set_style(kept.map(([name]) => appName(name)), new Float32Array(kept.map(([, weight]) => weight)), 0, wish.strength, wish.kind === "decode");
+  const [names, weights] = [kept.map(([name]) => appName(name)), kept.map(([, weight]) => weight)];
+  app?.set_style(names, new Float32Array(weights), 0, wish.strength, wish.kind === "decode");
 }
 
 const setStrokes = (name) => app?.[name](...STROKES[name].map((key) => wish[key]));
@@ -103,7 +109,9 @@ function readLink() {
   if (["look", "paint", "decode"].includes(link.get("kind"))) wish.kind = link.get("kind");
   // Nothing is loaded from other hosts, whoever made the link.
   const address = link.get("world");
-  if (address && URL.canParse(address, document.baseURI) && new URL(address, document.baseURI).origin === location.origin) world = address;
+  if (address && URL.canParse(address, document.baseURI)) {
+    if (new URL(address, document.baseURI).origin === location.origin) world = address;
+  }
   // A look belongs to the demo scene.
   if (world && wish.kind === "look") wish.kind = "paint";
 }
@@ -131,14 +139,17 @@ const LARGEST_FILE = 1.5e9;
 
 async function open(file) {
   if (file.size > LARGEST_FILE) {
-    return hear("failed", `${file.name}: found ${(file.size / 1e9).toFixed(1)} GB, expected at most ${LARGEST_FILE / 1e9} GB`);
+    const [found, most] = [(file.size / 1e9).toFixed(1), LARGEST_FILE / 1e9];
+    return hear("failed", `${file.name}: found ${found} GB, expected at most ${most} GB`);
   }
   const buffer = await file.arrayBuffer().catch((error) => hear("failed", `${file.name}: ${error.message}`));
   if (!buffer) return;
   const bytes = new Uint8Array(buffer);
   if (IMAGE.test(file.name)) {
     // Before it gets a thumbnail.
-    if (!(await createImageBitmap(file).catch(() => null))) return hear("failed", `${file.name}: found no image that can be read`);
+    if (!(await createImageBitmap(file).catch(() => null))) {
+      return hear("failed", `${file.name}: found no image that can be read`);
+    }
     if (!dropped.has(file.name)) addStyle(file.name, URL.createObjectURL(file));
     dropped.add(file.name);
     app.add_painting(file.name, bytes);
@@ -234,7 +245,10 @@ $("embed").onclick = () => {
 };
 $("save_glb").onclick = () => app?.save_glb_soon();
 $("save").onclick = () => app?.save_picture_soon();
-$("link").onclick = () => navigator.clipboard.writeText(location.href).then(() => notice("The link is copied."), () => notice(location.href));
+$("link").onclick = () => {
+  const copied = navigator.clipboard.writeText(location.href);
+  copied.then(() => notice("The link is copied."), () => notice(location.href));
+};
 document.addEventListener("dragover", (event) => {
   event.preventDefault();
   $("stage").classList.add("awaits");

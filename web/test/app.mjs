@@ -1,7 +1,8 @@
-// The page that `cargo xtask web` has built, in headless Chromium: what is drawn beside the native program's pictures, colors, the
-// times between frames, drops, and files that are none. SwiftShader draws on the CPU, so this takes minutes.
+// The page that `cargo xtask web` has built, in headless Chromium: what is drawn beside the native program's
+// pictures, colors, the times between frames, drops, and files that are none. SwiftShader draws on the CPU, so
+// this takes minutes.
 //
-//   node --test web/test/app.mjs        PICTURES=FOLDER keeps the pictures, ONLY=1000 takes one of the two widths
+//   node --test web/test/app.mjs        PICTURES=FOLDER keeps the pictures, ONLY=1000 takes one of two widths
 
 import assert from "node:assert/strict";
 import { mkdirSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
@@ -75,8 +76,11 @@ for (const viewport of [WIDE, NARROW]) {
     await applied(page, "wave.jpg");
     await expectNative(page, name("dropped_painting"), 45, DEMO, ...painting);
     // Strokes are drawn in another way, and nobody computes.
-    await page.evaluate(() => { watched.worker.postMessage = () => { throw new Error("the worker was called"); }; });
-    for (const [id, value] of [["paint", "0.5"], ["protection", "2"], ["stroke_scale", "2"]]) await page.fill(`#${id}`, value);
+    await page.evaluate(() => {
+      watched.worker.postMessage = () => { throw new Error("the worker was called"); };
+    });
+    const sliders = [["paint", "0.5"], ["protection", "2"], ["stroke_scale", "2"]];
+    for (const [id, value] of sliders) await page.fill(`#${id}`, value);
     const knobs = ["--paint-amount", "0.5", "--protection", "2", "--stroke-scale", "2"];
     await expectNative(page, name("other_strokes"), 30, DEMO, ...painting, ...knobs);
     assert.equal(await page.getAttribute("body", "data-state"), "applied");
@@ -102,10 +106,11 @@ test("strokes that are redrawn, have relief or keep their size are the native on
     const app = await import("./package/app.js");
     for (const [name, ...given] of calls) app[name](...given);
   }, calls);
-  // The first drawing stays: none other comes in the time of a test. The light is a rotation of (1, 1, 0) about y.
+  // The first drawing stays: none other comes in the time of a test. The light is (1, 1, 0), rotated about y.
   await set(["set_motion", "boil", 0.001, 0.5], ["set_relief", 1.5, 40]);
   const light = `--light=${Math.cos(40 * Math.PI / 180)},1,${-Math.sin(40 * Math.PI / 180)}`;
-  await expectNative(page, "moved_relief", 30, DEMO, ...painting, "--boil", "0.001", "--motion-amount", "0.5", "--relief", "1.5", light);
+  const moved = ["--boil", "0.001", "--motion-amount", "0.5", "--relief", "1.5", light];
+  await expectNative(page, "moved_relief", 30, DEMO, ...painting, ...moved);
   await set(["set_motion", "still", 0, 0], ["set_relief", 0, 0], ["set_screen_stable", true]);
   await expectNative(page, "screen_stable", 30, DEMO, ...painting, "--screen-stable");
   assert.deepEqual(errors, []);
@@ -135,7 +140,8 @@ test("the GPU's colors are those of the native decoder", options, async () => {
     }));
   });
   const file = join(folder, "strokes.safetensors");
-  run("stylize", DEMO, "--backend", "cpu", "--decoder-only", "--style", "assets/styles/strokes.style.safetensors", "--output", file);
+  const style = ["--style", "assets/styles/strokes.style.safetensors"];
+  run("stylize", DEMO, "--backend", "cpu", "--decoder-only", ...style, "--output", file);
   const [expected, order] = [tensor(file, "rgb"), tensor(DEMO, "order")];
   // Captured colors may be among the buffers, so the nearest one is that of the style.
   const errorOf = (halves) => Math.max(...Array.from({ length: 3 }, (_, c) => {
@@ -146,8 +152,9 @@ test("the GPU's colors are those of the native decoder", options, async () => {
     return largest;
   }));
   const errorsOfColors = buffers.filter((halves) => halves.length === 4 * order.length).map(errorOf);
-  console.log(`colors of ${order.length} Gaussians: at most ${Math.min(...errorsOfColors)} from the native ones`);
-  assert.ok(Math.min(...errorsOfColors) <= 4e-3, `found ${errorsOfColors}, expected at most 4e-3`);
+  const least = Math.min(...errorsOfColors);
+  console.log(`colors of ${order.length} Gaussians: at most ${least} from the native ones`);
+  assert.ok(least <= 4e-3, `found ${errorsOfColors}, expected at most 4e-3`);
   assert.deepEqual(errors, []);
 });
 
@@ -157,13 +164,16 @@ test("frames keep coming during a change of style", options, async () => {
   // Few pixels: what drawing takes is not the subject.
   const { page, errors } = await opened({ width: 360, height: 240 });
   await page.selectOption("#kind", "decode");
-  // Every frame draws: the camera turns all the time. A change by its default budget takes SwiftShader far longer than this.
+  // Every frame draws: the camera turns all the time. A change by its default budget takes SwiftShader far
+  // longer than this.
   const measured = async (name, act = () => {}) => {
     const done = act();
     const times = await page.evaluate(async () => {
       const app = await import("./package/app.js");
       const tasks = [];
-      const observer = new PerformanceObserver((list) => tasks.push(...list.getEntries().map(({ duration }) => duration)));
+      const observer = new PerformanceObserver(
+        (list) => tasks.push(...list.getEntries().map(({ duration }) => duration)),
+      );
       observer.observe({ type: "longtask" });
       watched.frames.length = 0;
       const begun = performance.now();
@@ -176,7 +186,10 @@ test("frames keep coming during a change of style", options, async () => {
       return { gaps: watched.frames.slice(1).map((time, i) => time - watched.frames[i]), tasks };
     });
     await done;
-    const told = { gap: median(times.gaps), longest: Math.max(...times.gaps), task: Math.max(0, ...times.tasks), frames: times.gaps.length };
+    const { gaps, tasks } = times;
+    const told = {
+      gap: median(gaps), longest: Math.max(...gaps), task: Math.max(0, ...tasks), frames: gaps.length,
+    };
     console.log(`${name}: milliseconds between frames, and of the script's longest task`, told);
     return told;
   };
@@ -192,11 +205,12 @@ test("frames keep coming during a change of style", options, async () => {
     await clicked(page, "");
     const before = drawing;
     drawing = await measured("drawing alone");
-    // The GPU's part is in every frame, so it shows in the median; single frames also wait for whatever else the machine does. So
-    // do all frames, by as much as drawing alone takes before or after.
+    // The GPU's part is in every frame, so it shows in the median; single frames also wait for whatever else
+    // the machine does. So do all frames, by as much as drawing alone takes before or after.
     const [least, most] = [before.gap, drawing.gap].sort((a, b) => a - b);
     const allowed = most + (most - least) + 100;
-    assert.ok(styling.gap <= allowed, `found ${styling.gap} ms between frames, beside ${least} to ${most} for drawing`);
+    const found = `found ${styling.gap} ms between frames, beside ${least} to ${most} for drawing`;
+    assert.ok(styling.gap <= allowed, found);
   }
   // The worker paints. It takes a core from SwiftShader, so the script's part alone is of interest.
   await page.selectOption("#kind", "paint");
@@ -214,13 +228,16 @@ test("a capture is embedded in the page, and then decoded", options, async () =>
     const app = await import("./package/app.js");
     const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
     const tasks = [];
-    const observer = new PerformanceObserver((list) => tasks.push(...list.getEntries().map(({ duration }) => duration)));
+    const observer = new PerformanceObserver(
+      (list) => tasks.push(...list.getEntries().map(({ duration }) => duration)),
+    );
     observer.observe({ type: "longtask" });
     // From here on the page hears nothing.
     const heard = [];
     app.listen((kind, text) => heard.push([kind, text]));
     const until = async (wanted) => {
-      while (!heard.some(([kind, text]) => kind === "failed" || wanted.test(`${kind} ${text}`))) await new Promise(requestAnimationFrame);
+      const isWanted = ([kind, text]) => kind === "failed" || wanted.test(`${kind} ${text}`);
+      while (!heard.some(isWanted)) await new Promise(requestAnimationFrame);
       return heard.splice(0);
     };
     app.open_file("capture.spz", bytes(text));
@@ -239,10 +256,12 @@ test("a capture is embedded in the page, and then decoded", options, async () =>
   }, readFileSync(capture).toString("base64"));
   console.log(`embedding: the script's longest task takes ${embedded.longest} ms`);
   assert.deepEqual(embedded.first.filter(([kind]) => kind === "loaded"), [["loaded", "69714 false"]]);
-  const told = embedded.second.filter(([kind]) => kind === "progress").map(([, text]) => Number(text.split(" ")[1]));
+  const progress = embedded.second.filter(([kind]) => kind === "progress");
+  const told = progress.map(([, text]) => Number(text.split(" ")[1]));
   // The one that was canceled goes on until the next frame.
   const shares = told.slice(told.lastIndexOf(0));
-  assert.ok(shares.length > 20 && shares.every((share, i) => i === 0 || share >= shares[i - 1]), `found ${shares}`);
+  assert.ok(shares.length > 20, `found ${shares}`);
+  assert.ok(shares.every((share, i) => i === 0 || share >= shares[i - 1]), `found ${shares}`);
   assert.deepEqual(embedded.second.filter(([kind]) => kind === "loaded"), [["loaded", "69714 true"]]);
   assert.ok(embedded.third.some(([kind]) => kind === "applied"), JSON.stringify(embedded.third));
   await settled(page, "embedded");
@@ -265,7 +284,9 @@ test("a .glb is the scene in the shown style", options, async () => {
   const download = page.waitForEvent("download");
   const longest = await page.evaluate(async () => {
     const tasks = [];
-    const observer = new PerformanceObserver((list) => tasks.push(...list.getEntries().map(({ duration }) => duration)));
+    const observer = new PerformanceObserver(
+      (list) => tasks.push(...list.getEntries().map(({ duration }) => duration)),
+    );
     observer.observe({ type: "longtask" });
     document.getElementById("save_glb").click();
     for (let frames = 0; frames < 4; frames += 1) await new Promise(requestAnimationFrame);
@@ -275,7 +296,7 @@ test("a .glb is the scene in the shown style", options, async () => {
   const glb = join(folder, "styled.glb");
   await (await download).saveAs(glb);
   console.log(`saving a .glb: the script's longest task takes ${longest} ms`);
-  // A file holds the mean of the strokes, so its picture is not the page's, but that of the native program's file.
+  // A file holds the mean of the strokes, so its picture is not the page's, but the native file's.
   const native = join(folder, "native.glb");
   run("stylize", DEMO, "--look", "assets/looks/ink.look.safetensors", "--output", native);
   const cameras = await page.evaluate(async () => (await import("./package/app.js")).cameras());

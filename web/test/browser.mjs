@@ -5,10 +5,13 @@ import { createServer } from "node:http";
 import { extname, join } from "node:path";
 import { chromium } from "playwright-core";
 
-const KINDS = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm", ".jpg": "image/jpeg", ".png": "image/png" };
+const KINDS = {
+  ".html": "text/html", ".js": "text/javascript", ".css": "text/css",
+  ".wasm": "application/wasm", ".jpg": "image/jpeg", ".png": "image/png",
+};
 
-// SwiftShader is WebGPU without a GPU. A canvas needs it as the Vulkan of Chromium's own drawing too: what is drawn with the one
-// must be readable by the other, or the device is lost at the first frame.
+// SwiftShader is WebGPU without a GPU. A canvas needs it as the Vulkan of Chromium's own drawing too: what is
+// drawn with the one must be readable by the other, or the device is lost at the first frame.
 const SWIFTSHADER = [
   "--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader",
   "--enable-features=Vulkan", "--use-vulkan=swiftshader", "--use-angle=swiftshader",
@@ -26,7 +29,8 @@ export async function serve(folders, files = {}) {
     const path = new URL(request.url, "http://localhost").pathname.replace(/\/$/, "/index.html");
     const found = folders.map((folder) => join(folder, path)).find((file) => existsSync(file));
     const body = files[path] ?? (found && readFileSync(found));
-    response.writeHead(body === undefined ? 404 : 200, { "content-type": KINDS[extname(path)] ?? "application/octet-stream" });
+    const kind = KINDS[extname(path)] ?? "application/octet-stream";
+    response.writeHead(body === undefined ? 404 : 200, { "content-type": kind });
     response.end(body);
   });
   await new Promise((listening) => server.listen(0, "127.0.0.1", listening));

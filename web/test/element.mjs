@@ -1,4 +1,5 @@
-// The custom element with a stand-in for the app, which notes what is asked of it: attributes, events, failures, coming and going.
+// The custom element with a stand-in for the app, which notes what is asked of it: attributes, events,
+// failures, coming and going.
 //
 //   node --test web/test/element.mjs
 
@@ -7,13 +8,19 @@ import { after, before, test } from "node:test";
 import { errorsOf, launch, serve } from "./browser.mjs";
 
 const STAND_IN = `
-  const note = (name) => (...given) => calls.push([name, ...given.map((v) => (v?.byteLength > 99 ? v.byteLength : ArrayBuffer.isView(v) ? [...v] : v))]);
+  const noted = (v) => (v?.byteLength > 99 ? v.byteLength : ArrayBuffer.isView(v) ? [...v] : v);
+  const note = (name) => (...given) => calls.push([name, ...given.map(noted)]);
   globalThis.calls = [];
   export default async () => {};
   export const listen = (listener) => { globalThis.tell = listener; listener("ready", ""); };
   export const use_worker = () => {};
-  export const [open_file, open_world, add_painting, set_style, set_strokes, set_transition, embed_soon, cancel_embedding, turn, save_picture_soon, save_glb_soon] =
-    ["open_file", "open_world", "add_painting", "set_style", "set_strokes", "set_transition", "embed_soon", "cancel_embedding", "turn", "save_picture_soon", "save_glb_soon"].map(note);
+  export const [
+    open_file, open_world, add_painting, set_style, set_strokes, set_transition,
+    embed_soon, cancel_embedding, turn, save_picture_soon, save_glb_soon,
+  ] = [
+    "open_file", "open_world", "add_painting", "set_style", "set_strokes", "set_transition",
+    "embed_soon", "cancel_embedding", "turn", "save_picture_soon", "save_glb_soon",
+  ].map(note);
 `;
 const page = (body) => `<!doctype html><meta charset="utf-8"><link rel="icon" href="data:,">
   <script>
@@ -23,11 +30,13 @@ const page = (body) => `<!doctype html><meta charset="utf-8"><link rel="icon" hr
     }
   </script>
   <script type="module" src="package/styled-splats.js"></script>${body}`;
+const element = (id) => `<styled-splats id="${id}" src="a.spz"></styled-splats>`;
+const INK = 'painting="assets/styles/ink.jpg"';
 const PAGES = {
-  "/usual.html": page('<styled-splats src="a.spz" painting="assets/styles/ink.jpg" strength="0.5">a garden</styled-splats>'),
+  "/usual.html": page(`<styled-splats src="a.spz" ${INK} strength="0.5">a garden</styled-splats>`),
   "/wrong.html": page('<styled-splats src="none.spz" method="oil" seconds="-1" paint="4"></styled-splats>'),
-  "/two.html": page('<styled-splats id="one" src="a.spz"></styled-splats><styled-splats id="two" src="a.spz"></styled-splats>'),
-  "/world.html": page('<styled-splats src="city/lod-meta.json" painting="assets/styles/ink.jpg"></styled-splats>'),
+  "/two.html": page(`${element("one")}${element("two")}`),
+  "/world.html": page(`<styled-splats src="city/lod-meta.json" ${INK}></styled-splats>`),
   "/a.spz": "x".repeat(100),
   "/package/app.js": STAND_IN,
   "/package/app_bg.wasm": "-",
@@ -51,6 +60,13 @@ async function opened(path) {
   return { page, errors, until, taken };
 }
 
+const visibility = (page) => page.evaluate(() => getComputedStyle(document.querySelector("canvas")).visibility);
+
+// Sets properties of the page's element.
+const assign = (page, given) => page.evaluate((given) => {
+  Object.assign(document.querySelector("styled-splats"), given);
+}, given);
+
 test("attributes become a scene and a style, and changes of them restyle", async () => {
   const { page, errors, until, taken } = await opened("usual.html");
   await until(4);
@@ -61,27 +77,29 @@ test("attributes become a scene and a style, and changes of them restyle", async
   assert.equal(first.add_painting[0], "ink.jpg");
   assert.equal(first.set_style, undefined, "before there is a scene");
   // What is in the element is seen until the scene is.
-  assert.equal(await page.evaluate(() => getComputedStyle(document.querySelector("canvas")).visibility), "hidden");
+  assert.equal(await visibility(page), "hidden");
   await page.evaluate(() => { tell("loaded", "7 true"); tell("shown", ""); tell("applied", "12"); });
   assert.deepEqual(await taken(), [["set_style", ["image:ink.jpg"], [1], 0, 0.5, false]]);
-  assert.equal(await page.evaluate(() => getComputedStyle(document.querySelector("canvas")).visibility), "visible");
+  assert.equal(await visibility(page), "visible");
   const heard = await page.evaluate(() => heard);
   assert.deepEqual(heard.filter(([kind]) => kind !== "progress"), [
-    ["ready", {}], ["loaded", { gaussians: 7, hasFeatures: true }], ["shown", {}], ["applied", { milliseconds: 12 }],
+    ["ready", {}], ["loaded", { gaussians: 7, hasFeatures: true }], ["shown", {}],
+    ["applied", { milliseconds: 12 }],
   ]);
 
   assert.deepEqual(await page.evaluate(() => {
-    const { src, painting, strength, method, paint, protection, strokeScale, transition, seconds } = document.querySelector("styled-splats");
+    const element = document.querySelector("styled-splats");
+    const { src, painting, strength, method, paint, protection, strokeScale, transition, seconds } = element;
     return { src, painting, strength, method, paint, protection, strokeScale, transition, seconds };
   }), {
-    src: "a.spz", painting: "assets/styles/ink.jpg", strength: 0.5, method: "strokes", paint: 1, protection: 1, strokeScale: 1,
-    transition: "fade", seconds: 1,
+    src: "a.spz", painting: "assets/styles/ink.jpg", strength: 0.5, method: "strokes",
+    paint: 1, protection: 1, strokeScale: 1, transition: "fade", seconds: 1,
   });
-  await page.evaluate(() => Object.assign(document.querySelector("styled-splats"), { paint: 0.5, strokeScale: 2 }));
+  await assign(page, { paint: 0.5, strokeScale: 2 });
   assert.deepEqual(await taken(), [["set_strokes", 0.5, 1, 1], ["set_strokes", 0.5, 1, 2]], "and no style");
-  await page.evaluate(() => Object.assign(document.querySelector("styled-splats"), { strength: 1, method: "decoder" }));
-  await page.evaluate(() => { document.querySelector("styled-splats").painting = ""; });
-  await page.evaluate(() => { document.querySelector("styled-splats").transition = "noise"; });
+  await assign(page, { strength: 1, method: "decoder" });
+  await assign(page, { painting: "" });
+  await assign(page, { transition: "noise" });
   assert.deepEqual(await taken(), [
     ["set_style", ["image:ink.jpg"], [1], 0, 1, false],
     ["set_style", ["image:ink.jpg"], [1], 0, 1, true],
@@ -101,7 +119,7 @@ test("a scene without features is painted, and embedded if the decoder is asked 
   await taken();
   await page.evaluate(() => tell("loaded", "7 false"));
   assert.deepEqual(await taken(), [["set_style", ["image:ink.jpg"], [1], 0, 0.5, false]]);
-  const use = (method) => page.evaluate((method) => { document.querySelector("styled-splats").method = method; }, method);
+  const use = (method) => assign(page, { method });
   await use("decoder");
   assert.deepEqual(await taken(), [["embed_soon"]]);
   // Strokes wait for no features.
@@ -111,9 +129,13 @@ test("a scene without features is painted, and embedded if the decoder is asked 
   await page.evaluate(() => { tell("progress", "embedding 0.5"); tell("loaded", "7 true"); });
   assert.deepEqual(await taken(), [["embed_soon"], ["set_style", ["image:ink.jpg"], [1], 0, 0.5, true]]);
   // So is one whose painting comes later.
-  await page.evaluate(() => { document.querySelector("styled-splats").painting = ""; tell("loaded", "8 false"); });
-  assert.deepEqual((await taken()).map(([name, names]) => [name, names]), [["set_style", []], ["set_style", []]]);
-  await page.evaluate(() => { document.querySelector("styled-splats").painting = "assets/styles/dots.jpg"; });
+  await page.evaluate(() => {
+    document.querySelector("styled-splats").painting = "";
+    tell("loaded", "8 false");
+  });
+  const asked = (await taken()).map(([name, names]) => [name, names]);
+  assert.deepEqual(asked, [["set_style", []], ["set_style", []]]);
+  await assign(page, { painting: "assets/styles/dots.jpg" });
   await until(2);
   assert.deepEqual((await taken()).map(([name]) => name), ["add_painting", "embed_soon"]);
   const progress = await page.evaluate(() => heard.filter(([kind]) => kind === "progress").at(-1));
@@ -129,11 +151,11 @@ test("a world is the app's to fetch", async () => {
   await page.evaluate(() => tell("loaded", "9 false"));
   assert.deepEqual(await taken(), [["set_style", ["image:ink.jpg"], [1], 0, 1, false]]);
   // It stays, with its style, if the next address is none.
-  await page.evaluate(() => Object.assign(document.querySelector("styled-splats"), { src: "http://[/lod-meta.json", strength: 0.5 }));
+  await assign(page, { src: "http://[/lod-meta.json", strength: 0.5 });
   assert.deepEqual(await taken(), [["set_style", ["image:ink.jpg"], [1], 0, 0.5, false]]);
   assert.match((await page.evaluate(() => heard.at(-1)))[1].message, /found no address/);
   // A file takes its place, and a world that of the file.
-  await page.evaluate(() => { document.querySelector("styled-splats").src = "a.spz"; });
+  await assign(page, { src: "a.spz" });
   await until(1);
   assert.deepEqual(await taken(), [["open_file", "a.spz", 100]]);
   await page.evaluate(() => {
@@ -152,9 +174,11 @@ test("what is wrong is told in a sentence", async () => {
   const { page, until } = await opened("wrong.html");
   await until(1);
   await page.waitForFunction(() => heard.some(([, detail]) => detail.message?.includes("none.spz")));
-  const failed = (await page.evaluate(() => heard)).filter(([kind]) => kind === "failed").map(([, { message }]) => message);
+  const heard = await page.evaluate(() => heard);
+  const failed = heard.filter(([kind]) => kind === "failed").map(([, { message }]) => message);
   assert.ok(failed.some((message) => message.includes('seconds="-1"')), failed.join());
-  assert.ok(failed.some((message) => message.includes('paint="4", expected a number from 0 to 3')), failed.join());
+  const wrong = 'paint="4", expected a number from 0 to 3';
+  assert.ok(failed.some((message) => message.includes(wrong)), failed.join());
   assert.ok(failed.some((message) => message.includes("404")), failed.join());
   await page.evaluate(() => tell("loaded", "7 true"));
   const last = await page.evaluate(() => heard.at(-1));
@@ -165,11 +189,17 @@ test("a page has one; another takes its place, and it may come back", async () =
   const { page, until, taken } = await opened("two.html");
   await until(3);
   await taken();
-  assert.match((await page.evaluate(() => heard.find(([kind]) => kind === "failed")))[1].message, /second <styled-splats>/);
-  await page.evaluate(() => { tell("loaded", "7 true"); globalThis.one = document.getElementById("one"); one.remove(); });
+  const [, failed] = await page.evaluate(() => heard.find(([kind]) => kind === "failed"));
+  assert.match(failed.message, /second <styled-splats>/);
+  await page.evaluate(() => {
+    tell("loaded", "7 true");
+    globalThis.one = document.getElementById("one");
+    one.remove();
+  });
   await page.evaluate(() => document.body.append(document.getElementById("two")));
   await until(3);
-  assert.deepEqual((await taken()).map(([name]) => name).sort(), ["open_file", "set_strokes", "set_style", "set_transition"]);
+  const names = (await taken()).map(([name]) => name).sort();
+  assert.deepEqual(names, ["open_file", "set_strokes", "set_style", "set_transition"]);
   assert.equal(await page.evaluate(() => document.querySelector("canvas").parentElement.id), "two");
   await page.evaluate(() => { document.getElementById("two").remove(); document.body.append(one); });
   await until(3);
@@ -184,6 +214,6 @@ test("without WebGPU, a sentence says so and the page's own content stays", asyn
   await page.waitForFunction(() => heard.length > 0);
   assert.match((await page.evaluate(() => heard[0]))[1].message, /no WebGPU/);
   assert.equal((await page.textContent("styled-splats")).trim(), "a garden");
-  assert.equal(await page.evaluate(() => getComputedStyle(document.querySelector("canvas")).visibility), "hidden");
+  assert.equal(await visibility(page), "hidden");
   await plain.close();
 });

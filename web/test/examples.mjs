@@ -1,5 +1,5 @@
-// The custom element with the app that `cargo xtask web` has built, on a plain page and in React, in headless Chromium; and what the
-// package of it holds.
+// The custom element with the app that `cargo xtask web` has built, on a plain page and in React, in headless
+// Chromium; and what the package of it holds.
 //
 //   node --test web/test/examples.mjs        PICTURES=FOLDER keeps the pictures
 
@@ -37,13 +37,15 @@ async function drawn(page, name) {
     const { data } = context.getImageData(0, 0, bitmap.width, bitmap.height);
     const values = data.filter((_, i) => i % 4 < 3);
     const mean = values.reduce((sum, value) => sum + value, 0) / values.length;
-    return { mean, deviation: Math.sqrt(values.reduce((sum, value) => sum + (value - mean) ** 2, 0) / values.length) };
+    const squares = values.reduce((sum, value) => sum + (value - mean) ** 2, 0);
+    return { mean, deviation: Math.sqrt(squares / values.length) };
   }, picture.toString("base64"));
 }
 
 for (const [name, press] of [["html", 'button[data-painting$="dots.jpg"]'], ["react", "#dots"]]) {
   const missing = name === "react" && !existsSync("web/dist/examples/react/main.js");
-  test(`a painting and another one: ${name}`, { timeout: 900_000, skip: missing && "esbuild is not installed" }, async () => {
+  const options = { timeout: 900_000, skip: missing && "esbuild is not installed" };
+  test(`a painting and another one: ${name}`, options, async () => {
     const page = await browser.newPage({ viewport: { width: 500, height: 600 } });
     page.setDefaultTimeout(timeout);
     const errors = errorsOf(page);
@@ -69,14 +71,22 @@ for (const [name, press] of [["html", 'button[data-painting$="dots.jpg"]'], ["re
 }
 
 test("the package holds all that it loads, its types and its licenses", () => {
-  const [pack] = JSON.parse(execFileSync("npm", ["pack", "--dry-run", "--json"], { cwd: "web/dist/package", stdio: ["ignore", "pipe", "ignore"] }));
+  const quiet = { cwd: "web/dist/package", stdio: ["ignore", "pipe", "ignore"] };
+  const [pack] = JSON.parse(execFileSync("npm", ["pack", "--dry-run", "--json"], quiet));
   const found = new Set(pack.files.map(({ path }) => path));
   // In `app.js`, such a name may be that of a module's imports, which is no file.
   const scripts = [...found].filter((path) => path.endsWith(".js") && path !== "app.js");
-  const loaded = scripts.flatMap((path) => [...readFileSync(join("web/dist/package", path), "utf8").matchAll(/["']\.\/([\w.-]+)["']/g)].map(([, file]) => file));
+  const loaded = scripts.flatMap((path) => {
+    const text = readFileSync(join("web/dist/package", path), "utf8");
+    return [...text.matchAll(/["']\.\/([\w.-]+)["']/g)].map(([, file]) => file);
+  });
   const { exports, types } = JSON.parse(readFileSync("web/dist/package/package.json"));
-  const entries = [types, ...Object.values(exports).flatMap((entry) => Object.values(typeof entry === "string" ? { entry } : entry))];
-  const expected = [...loaded, ...entries.map((path) => path.replace("./", "")), "README.md", "LICENSE-APACHE", "LICENSE-MIT", "NOTICE", "app_bg.wasm"];
+  const entriesOf = (entry) => Object.values(typeof entry === "string" ? { entry } : entry);
+  const entries = [types, ...Object.values(exports).flatMap(entriesOf)];
+  const expected = [
+    ...loaded, ...entries.map((path) => path.replace("./", "")),
+    "README.md", "LICENSE-APACHE", "LICENSE-MIT", "NOTICE", "app_bg.wasm",
+  ];
   for (const path of expected) assert.ok(found.has(path), `${path} is not among ${[...found]}`);
   assert.ok(loaded.includes("worker.js") && loaded.includes("app.js"), loaded.join());
   console.log(`npm pack: ${(pack.size / 1e6).toFixed(1)} MB, ${found.size} files`);

@@ -1,5 +1,5 @@
-// An example that `cargo xtask web --example NAME` has built, whose first style is painted, in headless Chromium: frames while the
-// browser's worker lays paint on, and without a worker.
+// An example that `cargo xtask web --example NAME` has built, whose first style is painted, in headless
+// Chromium: frames while the browser's worker lays paint on, and without a worker.
 //
 //   node --test web/test/game.mjs
 
@@ -22,7 +22,9 @@ after(async () => {
 // Notes what the worker is asked and answers, and the script's long tasks.
 function watch({ isForbidden }) {
   globalThis.watched = { calls: [], answers: [], tasks: [], frames: 0 };
-  const observer = new PerformanceObserver((list) => watched.tasks.push(...list.getEntries().map(({ startTime, duration }) => [startTime, duration])));
+  const observer = new PerformanceObserver((list) => {
+    watched.tasks.push(...list.getEntries().map(({ startTime, duration }) => [startTime, duration]));
+  });
   observer.observe({ type: "longtask" });
   const tick = () => {
     watched.frames += 1;
@@ -34,11 +36,13 @@ function watch({ isForbidden }) {
       if (isForbidden) throw new Error("forbidden by a test");
       super(...given);
       this.addEventListener("message", ({ data }) => {
-        watched.answers.push({ at: performance.now(), size: data.answer?.byteLength ?? 0, text: data.error ?? data.stopped });
+        const [size, text] = [data.answer?.byteLength ?? 0, data.error ?? data.stopped];
+        watched.answers.push({ at: performance.now(), size, text });
       });
     }
     postMessage(message, ...given) {
-      if (message.call) watched.calls.push({ at: performance.now(), frames: watched.frames, size: message.call.byteLength });
+      const { call } = message;
+      if (call) watched.calls.push({ at: performance.now(), frames: watched.frames, size: call.byteLength });
       super.postMessage(message, ...given);
     }
   };
@@ -63,9 +67,11 @@ test("frames keep coming while the first style is painted", options, async () =>
   const { calls, answers, tasks } = await page.evaluate(() => watched);
   assert.deepEqual(answers.filter(({ text }) => text), []);
   const [begun, ended] = [calls[0].at, answers.find(({ size }) => size > 1e6).at];
-  const longest = Math.max(0, ...tasks.filter(([at, duration]) => at + duration > begun).map(([, duration]) => duration));
+  const during = tasks.filter(([at, duration]) => at + duration > begun);
+  const longest = Math.max(0, ...during.map(([, duration]) => duration));
   const n_frames = painting.frames - calls[0].frames;
-  console.log(`painted in ${(ended - begun).toFixed(0)} ms, in which ${n_frames} frames came; the script's longest task takes ${longest} ms`);
+  const took = `painted in ${(ended - begun).toFixed(0)} ms, in which ${n_frames} frames came`;
+  console.log(`${took}; the script's longest task takes ${longest} ms`);
   assert.ok(n_frames >= 4, `found ${n_frames} frames while it was painted`);
   assert.ok(longest <= 0.1 * (ended - begun) + 100, `found a task of ${longest} ms`);
   assert.deepEqual(errors, []);

@@ -1,5 +1,5 @@
-// The page that `cargo xtask web` has built at its limits, in headless Chromium: memory that runs out, a GPU that is lost, large
-// scenes, a page in the background. Each time the page says a sentence, and goes on.
+// The page that `cargo xtask web` has built at its limits, in headless Chromium: memory that runs out, a GPU
+// that is lost, large scenes, a page in the background. Each time the page says a sentence, and goes on.
 //
 //   node --test web/test/limits.mjs
 
@@ -58,7 +58,8 @@ test("a worker whose memory ends is replaced", options, async () => {
   await page.evaluate(() => {
     const { worker } = watched;
     worker.postMessage = (message) => {
-      if (message.call === "work_read") Worker.prototype.postMessage.call(worker, { id: 0, call: "work_hold", given: [{ length: 2 ** 32 - 1 }] });
+      const hold = { id: 0, call: "work_hold", given: [{ length: 2 ** 32 - 1 }] };
+      if (message.call === "work_read") Worker.prototype.postMessage.call(worker, hold);
       Worker.prototype.postMessage.call(worker, message);
     };
   });
@@ -109,8 +110,12 @@ test("3 million Gaussians on WebGPU's default limits", options, async () => {
   const begun = performance.now();
   await dropCube(page, "cube.splat", 3_000_000);
   await shown(page, 3_000_000);
-  const used = await page.evaluate(async () => (await (await import("./package/app.js")).default()).memory.buffer.byteLength);
-  console.log(`3 million Gaussians are drawn ${((performance.now() - begun) / 1000).toFixed(1)} s after the drop, with ${(used / 1e9).toFixed(2)} GB in use`);
+  const used = await page.evaluate(async () => {
+    const app = await import("./package/app.js");
+    return (await app.default()).memory.buffer.byteLength;
+  });
+  const [seconds, gigabytes] = [((performance.now() - begun) / 1000).toFixed(1), (used / 1e9).toFixed(2)];
+  console.log(`3 million Gaussians are drawn ${seconds} s after the drop, with ${gigabytes} GB in use`);
   // SwiftShader takes minutes for a few of its frames, so the camera leaves it behind.
   const camera = () => page.evaluate(async () => (await import("./package/app.js")).cameras());
   const before = await camera();

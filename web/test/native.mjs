@@ -7,7 +7,8 @@ import { join } from "node:path";
 // The program by its path in STYLEGAUSSIAN, or where cargo puts it; undefined if it is not built.
 export function program() {
   const target = process.env.CARGO_TARGET_DIR ?? "target";
-  const places = [process.env.STYLEGAUSSIAN, ...["release", "debug"].map((profile) => join(target, profile, "stylegaussian"))];
+  const built = ["release", "debug"].map((profile) => join(target, profile, "stylegaussian"));
+  const places = [process.env.STYLEGAUSSIAN, ...built];
   return places.find((path) => path && existsSync(path));
 }
 
@@ -16,8 +17,9 @@ export const run = (...given) => execFileSync(program(), given, { stdio: ["ignor
 // The picture of a scene with the page's cameras, as PNG with transparency.
 export function render(folder, scene, cameras, ...given) {
   mkdirSync(folder, { recursive: true });
-  writeFileSync(join(folder, "transforms.json"), cameras);
-  run("render", scene, "--backend", "cpu", "--cameras", join(folder, "transforms.json"), "--output", folder, ...given);
+  const path = join(folder, "transforms.json");
+  writeFileSync(path, cameras);
+  run("render", scene, "--backend", "cpu", "--cameras", path, "--output", folder, ...given);
   return readFileSync(join(folder, "000000.png"));
 }
 
@@ -29,11 +31,12 @@ export function tensor(path, name) {
   const data = bytes.subarray(8 + length + begin, 8 + length + end);
   const [kind, size] = { F32: [Float32Array, 4], U32: [Uint32Array, 4], F16: [Uint16Array, 2] }[dtype];
   // A copy, since typed arrays begin at multiples of their elements.
-  return new kind(data.buffer.slice(data.byteOffset, data.byteOffset + data.byteLength), 0, data.byteLength / size);
+  const copy = data.buffer.slice(data.byteOffset, data.byteOffset + data.byteLength);
+  return new kind(copy, 0, data.byteLength / size);
 }
 
-// Peak signal-to-noise ratio in dB of a screenshot to a native picture, over the pixels that the scene covers, and their share.
-// `page` decodes the two PNG files.
+// Peak signal-to-noise ratio in dB of a screenshot to a native picture, over the pixels that the scene covers,
+// and their share. `page` decodes the two PNG files.
 export function compare(page, screenshot, picture) {
   return page.evaluate(async (files) => {
     const [seen, expected] = await Promise.all(files.map(async (file) => {
@@ -52,6 +55,7 @@ export function compare(page, screenshot, picture) {
       covered += 1;
       for (const c of [0, 1, 2]) sum += (seen.data[i + c] - expected.data[i + c]) ** 2;
     }
-    return { psnr: 10 * Math.log10(255 ** 2 / (sum / (3 * covered))), covered: covered / (seen.width * seen.height) };
+    const psnr = 10 * Math.log10(255 ** 2 / (sum / (3 * covered)));
+    return { psnr, covered: covered / (seen.width * seen.height) };
   }, [screenshot, picture].map((file) => file.toString("base64")));
 }

@@ -1,5 +1,5 @@
-// The page's script with a stand-in for the app, which notes what is asked of it: clicks, keys, drops, links, narrow screens, and
-// browsers without WebGPU.
+// The page's script with a stand-in for the app, which notes what is asked of it: clicks, keys, drops, links,
+// narrow screens, and browsers without WebGPU.
 //
 //   node --test web/test/page.mjs
 
@@ -8,20 +8,29 @@ import { after, before, test } from "node:test";
 import { errorsOf, launch, serve } from "./browser.mjs";
 
 const STAND_IN = `
-  const note = (name) => (...given) => calls.push([name, ...given.map((v) => (v?.byteLength > 99 ? v.byteLength : ArrayBuffer.isView(v) ? [...v] : v))]);
+  const noted = (v) => (v?.byteLength > 99 ? v.byteLength : ArrayBuffer.isView(v) ? [...v] : v);
+  const note = (name) => (...given) => calls.push([name, ...given.map(noted)]);
   globalThis.calls = [];
   let tell;
   export default async () => ({ memory: new WebAssembly.Memory({ initial: 2 ** 15 }) });
   export const listen = (listener) => { tell = globalThis.tell = listener; tell("ready", ""); };
   export const open_asset = (path) => { calls.push(["open_asset", path]); tell("loaded", "5 true"); };
-  export const [open_file, open_world, add_painting, turn, fly, zoom, save_picture_soon, save_glb_soon, embed_soon, cancel_embedding, set_transition] =
-    ["open_file", "open_world", "add_painting", "turn", "fly", "zoom", "save", "save_glb_soon", "embed_soon", "cancel_embedding", "set_transition"].map(note);
-  export const [set_strokes, set_motion, set_relief, set_screen_stable] = ["set_strokes", "set_motion", "set_relief", "set_screen_stable"].map(note);
+  export const [
+    open_file, open_world, add_painting, turn, fly, zoom, save_picture_soon, save_glb_soon,
+    embed_soon, cancel_embedding, set_transition, set_strokes, set_motion, set_relief, set_screen_stable,
+  ] = [
+    "open_file", "open_world", "add_painting", "turn", "fly", "zoom", "save", "save_glb_soon",
+    "embed_soon", "cancel_embedding", "set_transition", "set_strokes", "set_motion", "set_relief",
+    "set_screen_stable",
+  ].map(note);
   export const use_worker = () => {};
   export const set_style = (...given) => { note("set_style")(...given); tell("applied", "1"); };
 `;
 // What the page asks for at first.
-const BEGINNING = [["open_asset", "demo.sgs"], ["set_strokes", 1, 1, 1], ["set_motion", "still", 8, 0.5], ["set_relief", 0, 0], ["set_screen_stable", false]];
+const BEGINNING = [
+  ["open_asset", "demo.sgs"], ["set_strokes", 1, 1, 1], ["set_motion", "still", 8, 0.5], ["set_relief", 0, 0],
+  ["set_screen_stable", false],
+];
 let browser, server;
 before(async () => {
   browser = await launch();
@@ -55,7 +64,8 @@ test("a click puts a style on, a second one mixes, and the link carries both", a
   assert.equal(await page.getAttribute('[data-style="ink"]', "aria-pressed"), "true");
   const link = new URL(page.url()).hash;
   const again = await opened(link);
-  assert.deepEqual((await again.taken()).at(-1), ["set_style", ["look:ink", "look:dots"], [0.5, 0.5], 0, 1, false]);
+  const mixed = ["set_style", ["look:ink", "look:dots"], [0.5, 0.5], 0, 1, false];
+  assert.deepEqual((await again.taken()).at(-1), mixed);
   await page.click('[data-style=""]');
   assert.deepEqual((await taken())[0][1], []);
   assert.deepEqual([...errors, ...again.errors], []);
@@ -103,7 +113,9 @@ test("a file that is too large is refused before it is read, and one that cannot
   const { page, errors, taken } = await opened();
   await taken();
   const file = { name: "large.ply", mimeType: "", buffer: Buffer.alloc(1) };
-  const until = (text) => page.waitForFunction((text) => document.getElementById("notice").textContent === text, text);
+  const until = (text) => page.waitForFunction(
+    (text) => document.getElementById("notice").textContent === text, text,
+  );
   await page.evaluate(() => {
     globalThis.size = 3e9;
     Object.defineProperty(Blob.prototype, "size", { get: () => size });
@@ -140,9 +152,13 @@ test("an app that stops is told, with the memory that it had", async () => {
   const { page, errors } = await opened();
   await page.evaluate(() => { setTimeout(() => { throw new WebAssembly.RuntimeError("unreachable"); }); });
   await page.waitForSelector('body[data-state="failed"]');
-  assert.match(await page.textContent("#notice"), /has stopped \(unreachable, with 2\.0 of 4 GB in use\)\. Reload the page/);
+  const stopped = /has stopped \(unreachable, with 2\.0 of 4 GB in use\)\. Reload the page/;
+  assert.match(await page.textContent("#notice"), stopped);
   // Errors of the page's own script are no end of the app.
-  await page.evaluate(() => { document.getElementById("notice").textContent = ""; setTimeout(() => { throw new Error("another"); }); });
+  await page.evaluate(() => {
+    document.getElementById("notice").textContent = "";
+    setTimeout(() => { throw new Error("another"); });
+  });
   await page.waitForTimeout(100);
   assert.equal(await page.textContent("#notice"), "");
   assert.equal(errors.length, 2, errors.join());
@@ -156,8 +172,12 @@ test("strokes are drawn as sliders say, which are in the link and restyle nothin
   await page.focus("#protection");
   await page.keyboard.press("ArrowRight");
   await page.fill("#stroke_scale", "2");
-  assert.deepEqual(await taken(), [["set_strokes", 0.5, 1, 1], ["set_strokes", 0.5, 1.05, 1], ["set_strokes", 0.5, 1.05, 2]]);
-  for (const name of ["Strokes", "Kept clear", "Stroke size"]) assert.equal(await page.getByRole("slider", { name }).count(), 1, name);
+  assert.deepEqual(await taken(), [
+    ["set_strokes", 0.5, 1, 1], ["set_strokes", 0.5, 1.05, 1], ["set_strokes", 0.5, 1.05, 2],
+  ]);
+  for (const name of ["Strokes", "Kept clear", "Stroke size"]) {
+    assert.equal(await page.getByRole("slider", { name }).count(), 1, name);
+  }
   const again = await opened(new URL(page.url()).hash);
   assert.deepEqual((await again.taken())[1], ["set_strokes", 0.5, 1.05, 2]);
   assert.equal(await again.page.inputValue("#stroke_scale"), "2");
@@ -189,15 +209,20 @@ test("strokes move, have a thickness and keep their size as controls say, which 
   }
   assert.equal(await page.getByRole("checkbox", { name: "Of one size" }).count(), 1);
   assert.equal(await page.getByRole("combobox", { name: "Strokes are" }).count(), 1);
-  const asked = [["set_strokes", 1, 1, 1], ["set_motion", "flow", 0.6, 3], ["set_relief", 1.5, 90], ["set_screen_stable", true]];
+  const asked = [
+    ["set_strokes", 1, 1, 1], ["set_motion", "flow", 0.6, 3], ["set_relief", 1.5, 90],
+    ["set_screen_stable", true],
+  ];
   const again = await opened(new URL(page.url()).hash);
   assert.deepEqual((await again.taken()).slice(1, 5), asked);
-  assert.deepEqual([await again.page.inputValue("#motion"), await again.page.inputValue("#rate")], ["flow", "0.6"]);
+  const values = [await again.page.inputValue("#motion"), await again.page.inputValue("#rate")];
+  assert.deepEqual(values, ["flow", "0.6"]);
   assert.ok(await again.page.isVisible("#light_from") && await again.page.isChecked("#screen_stable"));
   // Another motion has rates of its own.
   await page.selectOption("#motion", "boil");
   assert.deepEqual(await taken(), [["set_motion", "boil", 8, 0.5]]);
-  const beyond = await opened("#style=ink&motion=toString&rate=-1&distance=99&relief=NaN&light_from=361&screen_stable=1");
+  const wrong = "motion=toString&rate=-1&distance=99&relief=NaN&light_from=361&screen_stable=1";
+  const beyond = await opened(`#style=ink&${wrong}`);
   assert.deepEqual((await beyond.taken()).slice(0, 5), BEGINNING);
   const fast = await opened("#style=ink&motion=flow&rate=20");
   assert.deepEqual((await fast.taken())[2], ["set_motion", "flow", 0.5, 2]);
@@ -288,8 +313,8 @@ test("a keyboard alone reaches everything", async () => {
     reached.add(await page.evaluate(() => document.activeElement.id || document.activeElement.dataset.style));
   }
   const all = [
-    "stage", "ink", "kind", "second", "share", "strength", "paint", "protection", "stroke_scale", "motion", "rate", "distance", "relief",
-    "light_from", "screen_stable", "arrives", "file", "save", "save_glb", "link",
+    "stage", "ink", "kind", "second", "share", "strength", "paint", "protection", "stroke_scale", "motion",
+    "rate", "distance", "relief", "light_from", "screen_stable", "arrives", "file", "save", "save_glb", "link",
   ];
   for (const name of all) {
     assert.ok(reached.has(name), `${name} is not among ${[...reached]}`);

@@ -1,5 +1,5 @@
-// Every shader through a browser's own compiler, which differs from the one that native apps use; and the needs of every shader
-// beside the limits that each browser with WebGPU grants.
+// Every shader through a browser's own compiler, which differs from the one that native apps use; and the needs
+// of every shader beside the limits that each browser with WebGPU grants.
 //
 //   cargo run -p stylegaussian_shaders --example write_sources FOLDER && node web/test/shaders.mjs FOLDER
 
@@ -36,7 +36,8 @@ for (const name of names) {
   const error = await page.evaluate(compile, code);
   const buffers = code.match(/var<storage/g)?.length ?? 0;
   if (error) console.error(`${name}: ${error}`);
-  if (buffers > STORAGE_BUFFERS) console.error(`${name}: found ${buffers} storage buffers, expected at most ${STORAGE_BUFFERS}`);
+  const wrong = `found ${buffers} storage buffers, expected at most ${STORAGE_BUFFERS}`;
+  if (buffers > STORAGE_BUFFERS) console.error(`${name}: ${wrong}`);
   failures += error !== null || buffers > STORAGE_BUFFERS ? 1 : 0;
 }
 await browser.close();

@@ -1,5 +1,5 @@
-// What the start of the built page takes, by Chromium's own trace: CPU time of the page's thread, of its other threads, and of the GPU's
-// process, which compiles shaders and, with SwiftShader, also draws. It is no test.
+// What the start of the built page takes, by Chromium's own trace: CPU time of the page's thread, of its other
+// threads, and of the GPU's process, which compiles shaders and, with SwiftShader, also draws. It is no test.
 //
 //   node web/test/start.mjs
 
@@ -25,7 +25,9 @@ const browser = await launch();
 const session = await browser.newBrowserCDPSession();
 const events = [];
 session.on("Tracing.dataCollected", ({ value }) => events.push(...value));
-await session.send("Tracing.start", { transferMode: "ReportEvents", traceConfig: { includedCategories: CATEGORIES } });
+await session.send("Tracing.start", {
+  transferMode: "ReportEvents", traceConfig: { includedCategories: CATEGORIES },
+});
 await openedIn(browser, server.url, { width: 600, height: 400 });
 const complete = new Promise((done) => { session.on("Tracing.tracingComplete", done); });
 await session.send("Tracing.end");
@@ -33,7 +35,11 @@ await complete;
 await browser.close();
 server.close();
 
-const named = (kind) => new Map(events.filter(({ name }) => name === kind).map(({ pid, tid, args }) => [kind === "thread_name" ? `${pid} ${tid}` : pid, args.name]));
+const named = (kind) => {
+  const key = ({ pid, tid }) => (kind === "thread_name" ? `${pid} ${tid}` : pid);
+  const entries = events.filter(({ name }) => name === kind).map((event) => [key(event), event.args.name]);
+  return new Map(entries);
+};
 const [processes, threads] = [named("process_name"), named("thread_name")];
 for (const [label, process, isMain, pattern] of ROWS) {
   // The CPU time of an event holds that of the events in it; only the outermost ones of a kind count.

@@ -6,14 +6,16 @@ import { errorsOf } from "./browser.mjs";
 // A frame of SwiftShader takes up to seconds on few cores.
 export const timeout = 240_000;
 
-// Keeps the device, the worker, the colors' buffers and the times of frames and of the start at hand, without a part in the app for it.
+// Keeps the device, the worker, the colors' buffers and the times of frames and of the start at hand, without a
+// part in the app for it.
 function watch({ hasUsualLimits }) {
   globalThis.watched = { colors: [], frames: [], start: {} };
   const requestDevice = GPUAdapter.prototype.requestDevice;
   GPUAdapter.prototype.requestDevice = async function (description) {
     watched.start.adapter ??= performance.now();
     // Whoever names no limits gets WebGPU's default ones.
-    const device = await requestDevice.call(this, hasUsualLimits ? { ...description, requiredLimits: {} } : description);
+    const usual = hasUsualLimits ? { ...description, requiredLimits: {} } : description;
+    const device = await requestDevice.call(this, usual);
     watched.device = device;
     const createBuffer = device.createBuffer;
     device.createBuffer = (description) => {
@@ -41,7 +43,7 @@ function watch({ hasUsualLimits }) {
       if (document.body?.dataset[is]) watched.start[name] ??= performance.now();
     }
   }).observe(document, { attributes: true, subtree: true });
-  // As browsers do with a tab in the background, which a headless one does not have: no frames while it is hidden.
+  // As browsers do with a tab in the background, which a headless one lacks: no frames while it is hidden.
   const [request, cancel] = [requestAnimationFrame.bind(globalThis), cancelAnimationFrame.bind(globalThis)];
   // By their handles, which are below those of the browser.
   const held = new Map();
@@ -54,7 +56,8 @@ function watch({ hasUsualLimits }) {
   globalThis.cancelAnimationFrame = (handle) => held.delete(handle) || cancel(handle);
   watched.hide = (isHidden) => {
     watched.isHidden = isHidden;
-    Object.defineProperty(document, "visibilityState", { configurable: true, get: () => (isHidden ? "hidden" : "visible") });
+    const get = () => (isHidden ? "hidden" : "visible");
+    Object.defineProperty(document, "visibilityState", { configurable: true, get });
     document.dispatchEvent(new Event("visibilitychange"));
     if (!isHidden) held.forEach((draw) => request(draw));
     held.clear();
@@ -87,8 +90,10 @@ export async function openedIn(browser, url, viewport, { hasUsualLimits = false 
   await page.waitForSelector("body[data-shown]", { state: "attached" });
   const [after, start] = [await cpuTimes(browser), await page.evaluate(() => watched.start)];
   const told = Object.entries(start).map(([name, time]) => `${name} ${(time / 1000).toFixed(2)}`).join(", ");
-  const took = ["renderer", "GPU"].map((kind) => `${kind} ${(after[kind] - before[kind]).toFixed(2)}`).join(", ");
-  console.log(`${viewport.width}x${viewport.height}: start in s since the page was opened: ${told}; CPU time in s: ${took}`);
+  const spent = (kind) => `${kind} ${(after[kind] - before[kind]).toFixed(2)}`;
+  const size = `${viewport.width}x${viewport.height}`;
+  const took = ["renderer", "GPU"].map(spent).join(", ");
+  console.log(`${size}: start in s since the page was opened: ${told}; CPU time in s: ${took}`);
   return { page, errors };
 }
 
@@ -121,8 +126,9 @@ export const dropCube = (page, name, n) => page.evaluate(([name, n]) => {
 }, [name, n]);
 
 // Until the page says something like this.
-export const told = (page, pattern) =>
-  page.waitForFunction((source) => new RegExp(source).test(document.getElementById("notice").textContent), pattern.source);
+export const told = (page, pattern) => page.waitForFunction(
+  (source) => new RegExp(source).test(document.getElementById("notice").textContent), pattern.source,
+);
 
 // Until the style of this name is on the scene.
 export async function applied(page, style) {

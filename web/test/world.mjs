@@ -1,5 +1,5 @@
-// The page that `cargo xtask web` has built with a world: levels of detail on a host of static files, of which it fetches what the
-// budget has room for, in headless Chromium beside the native program.
+// The page that `cargo xtask web` has built with a world: levels of detail on a host of static files, of which
+// it fetches what the budget has room for, in headless Chromium beside the native program.
 //
 //   node --test web/test/world.mjs        PICTURES=FOLDER keeps the pictures
 
@@ -59,6 +59,9 @@ async function opened(budget) {
   return { page, errors, fetched };
 }
 
+// The counts of the world.
+const countsOf = (page) => page.evaluate(async () => JSON.parse((await import("./package/app.js")).world()));
+
 // The counts of the world once all is as the camera and the budget ask for, for two seconds.
 async function settled(page) {
   const isSettled = async () => {
@@ -68,7 +71,7 @@ async function settled(page) {
   };
   for (const begun = performance.now(); performance.now() - begun < timeout;) {
     await page.waitForTimeout(2_000);
-    if (await page.evaluate(isSettled)) return JSON.parse(await page.evaluate(async () => (await import("./package/app.js")).world()));
+    if (await page.evaluate(isSettled)) return countsOf(page);
   }
   throw new Error("the world does not come to rest");
 }
@@ -122,7 +125,7 @@ test("chunks that the budget has no room for are not fetched", options, async ()
   assert.ok([...fetched].every((chunk) => levels.filenames.includes(chunk)), [...fetched].join());
   // More room lets more in.
   await page.evaluate(async () => (await import("./package/app.js")).set_world_budget(1_000_000));
-  const counts = () => page.evaluate(async () => JSON.parse((await import("./package/app.js")).world()));
+  const counts = () => countsOf(page);
   while ((await counts()).shown <= levels.counts[1]) await page.waitForTimeout(500);
   assert.ok(fetched.size > few, `${fetched.size} chunks`);
   assert.deepEqual(errors, []);
@@ -130,7 +133,10 @@ test("chunks that the budget has no room for are not fetched", options, async ()
 
 test("an address without a world is told, and the scene stays", options, async () => {
   const { page } = await opened(100_000);
-  await page.evaluate(async () => (await import("./package/app.js")).open_world(new URL("none/lod-meta.json", document.baseURI).href));
+  await page.evaluate(async () => {
+    const { open_world } = await import("./package/app.js");
+    open_world(new URL("none/lod-meta.json", document.baseURI).href);
+  });
   await told(page, /none\/lod-meta\.json/);
-  assert.ok(JSON.parse(await page.evaluate(async () => (await import("./package/app.js")).world())).shown > 0);
+  assert.ok((await countsOf(page)).shown > 0);
 });

@@ -1,8 +1,9 @@
-"""The literal method in PyTorch: features [N, 256] stored, AdaIN, five unfolded KNN convolutions with the sigmoid, f32.
+"""The literal method in PyTorch: features [N, 256] stored, AdaIN, five unfolded KNN convolutions with the
+sigmoid, f32.
 
 usage: literal.py N
-Prints one line of JSON: device, and milliseconds of each run without and with TF32. Rows are gathered 65,536 at a time: all
-at once they would be 2.5 GB for 300,000 Gaussians.
+Prints one line of JSON: device, and milliseconds of each run without and with TF32. Rows are gathered 65,536
+at a time: all at once they would be 2.5 GB for 300,000 Gaussians.
 """
 
 import json
@@ -41,7 +42,9 @@ def main():
     f, lists = torch.randn(n, 256, device=device), neighbors(n, device)
     mean, std = torch.randn(256, device=device), torch.rand(256, device=device) + 0.5
     sizes = zip(WIDTHS, WIDTHS[1:])
-    layers = [(torch.randn(K * i, o, device=device) / (K * i) ** 0.5, torch.zeros(o, device=device)) for i, o in sizes]
+    layers = [
+        (torch.randn(K * i, o, device=device) / (K * i) ** 0.5, torch.zeros(o, device=device)) for i, o in sizes
+    ]
 
     def run():
         start = time.perf_counter()

@@ -1,4 +1,5 @@
-// An island whose painting is a state of a React component. React 19 passes attributes and events (`onapplied`) to custom elements.
+// An island whose painting is a state of a React component. React 19 passes attributes and events (`onapplied`)
+// to custom elements.
 
 import { useState } from "react";
 import { createRoot } from "react-dom/client";

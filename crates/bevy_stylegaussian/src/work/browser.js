@@ -6,7 +6,9 @@ const instantiate = WebAssembly.instantiate;
 WebAssembly.instantiate = async (module, imports) => {
   const { exports } = await instantiate(module, imports);
   const start = () => {
-    for (const [name, call] of Object.values(imports).flatMap(Object.entries)) if (name.includes("init_externref_table")) call();
+    for (const [name, call] of Object.values(imports).flatMap(Object.entries)) {
+      if (name.includes("init_externref_table")) call();
+    }
   };
   return { module, instance: { exports: { ...exports, __wbindgen_start: start } } };
 };

@@ -1,8 +1,8 @@
 """Makes the two checkpoints beside this file with the real torch.save: `python make_checkpoints.py`.
 
-Small stand-ins for what StyleGaussian saves. Values are small fractions that f32 holds exactly, given by formulas that
-the Rust test repeats. Tensors are tagged `cuda:0`, and some are views with an offset or with swapped strides, as real
-ones may be.
+Small stand-ins for what StyleGaussian saves. Values are small fractions that f32 holds exactly, given by
+formulas that the Rust test repeats. Tensors are tagged `cuda:0`, and some are views with an offset or with
+swapped strides, as real ones may be.
 """
 
 from collections import OrderedDict
