@@ -1,4 +1,4 @@
-//! Checks the length of the lines that rustfmt leaves alone: comments, strings, attributes, shaders.
+//! Checks the length of the lines that rustfmt leaves alone: comments, strings, attributes, other languages.
 
 use std::fs;
 
@@ -6,6 +6,26 @@ use anyhow::{Context, Result, ensure};
 
 /// The most characters on a line. Two more than rustfmt's `max_width`, which a comment may use up.
 const LONGEST: usize = 112;
+
+/// What `git ls-files` is asked for: all that is code. Documents are not.
+pub const CODE: &[&str] = &[
+    "*.rs",
+    "*.wgsl",
+    "*.js",
+    "*.mjs",
+    "*.jsx",
+    "*.ts",
+    "*.html",
+    "*.css",
+    "*.toml",
+    "*.py",
+    "*.yml",
+    "*.yaml",
+    "*.sh",
+    "*Snakefile",
+    ".cargo/*",
+    ".ci/*",
+];
 
 /// Reads the files and looks for longer lines.
 ///

@@ -39,7 +39,7 @@ fn run_all(steps: &mut Steps) -> Result<()> {
     add_components(steps)?;
     install_graphics(steps, false)?;
     steps.run("format", &mut cargo(["fmt", "--all", "--check"]))?;
-    match files::listed(&["*.rs", "*.wgsl"]) {
+    match files::listed(lines::CODE) {
         Some(files) => steps.check("lines", || lines::check(&files))?,
         None => steps.not_run("lines", "git lists no sources here"),
     }
