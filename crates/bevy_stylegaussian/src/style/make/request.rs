@@ -9,7 +9,7 @@ use std::{ops::Deref, sync::Arc};
 use stylegaussian::{
     Decoder, Look, Scene,
     fold::StylizeError,
-    paint::{Canvas, Direction, Hand, Painted, Pin, Tints, lay_beside, pin},
+    paint::{Canvas, Direction, Hand, Painted, Pin, Tints, pin},
     restyle::{self, Recipe, RestyleError},
     strokes::Strokes,
     work::{Canceled, Work},
@@ -270,12 +270,10 @@ impl StyleRequest {
                     pins: if self.only_moves() { &[] } else { &decided.pins },
                 };
                 let is_alone = !self.looks.is_empty() || self.under.is_some();
-                if let Some(Same(beside)) = self.beside.as_ref().filter(|_| !is_alone)
-                    && let Some(company) = beside.company(&paintings, &hand, work)?
-                {
-                    let how = (&hand, content, company);
-                    return self.painted(lay_beside(scene, &surface.0, &paintings, how, work)?);
-                }
+                let company = match self.beside.as_ref().filter(|_| !is_alone) {
+                    Some(Same(beside)) => beside.company(&paintings, &hand, work)?,
+                    None => None,
+                };
                 let styles = restyle::Styles::Painted { paintings, surface: &surface.0, hand };
                 let recipe = Recipe { looks, styles, content };
                 // In given colors, textures are no image's own and cannot follow it: strokes are laid on anew.
@@ -283,7 +281,7 @@ impl StyleRequest {
                     let colors = recipe.recolor(scene, under, work)?;
                     return Ok(self.recolored(colors, under, &canvases));
                 }
-                recipe.restyle(scene, work)
+                recipe.restyle_beside(scene, company, work)
             }
             Styles::Decoded { styles, decoder } => {
                 let styles = made(styles)?;
