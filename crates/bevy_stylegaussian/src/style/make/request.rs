@@ -38,7 +38,7 @@ use crate::{
 };
 
 /// All that decides the colors of a style. Two that are equal give the same.
-#[derive(PartialEq)]
+#[derive(Clone, PartialEq)]
 pub(crate) struct StyleRequest {
     pub(crate) scene: Same<Scene>,
     pub(crate) styles: Styles,
@@ -55,7 +55,7 @@ pub(crate) struct StyleRequest {
 }
 
 /// Images and presets, and their weights.
-#[derive(PartialEq)]
+#[derive(Clone, PartialEq)]
 pub(crate) enum Styles {
     /// To paint the scene with, on its surface.
     Painted { canvases: Vec<(Same<LaterCanvas>, f64)>, surface: Same<Ground>, decided: Decided },
@@ -216,13 +216,9 @@ impl StyleRequest {
         };
         let present: Vec<_> = canvases.iter().enumerate().map(present).collect();
         (present != *canvases).then(|| Self {
-            scene: self.scene.clone(),
             styles: Styles::Painted { canvases: present, surface: surface.clone(), decided: decided.clone() },
-            looks: self.looks.clone(),
-            content: self.content,
-            backend: self.backend,
             under: Some(Same(strokes)),
-            beside: self.beside.clone(),
+            ..self.clone()
         })
     }
 
@@ -338,23 +334,17 @@ impl StyleRequest {
 
     /// Whether another request differs in pinned places alone, and these only move strokes.
     pub(crate) fn pins_others(&self, other: &Self) -> bool {
-        let Styles::Painted { canvases, surface, decided } = &self.styles else { return false };
-        let with_own_pins = |of: &Decided| Decided { pins: decided.pins.clone(), ..of.clone() };
-        let is_alike = match &other.styles {
-            Styles::Painted { canvases: others, surface: other, decided: of } => {
-                canvases == others && surface == other && *decided == with_own_pins(of)
-            }
-            Styles::Decoded { .. } | Styles::None => false,
-        };
-        is_alike
-            && self.only_moves()
-            && other.looks.is_empty()
-            // Strokes of images that changed stay as they are.
-            && self.under.is_none()
-            && other.under.is_none()
-            && self.scene == other.scene
-            && self.beside == other.beside
-            && self.content == other.content
+        // Strokes of images that changed stay as they are.
+        self.only_moves() && self.under.is_none() && self.without_pins() == other.without_pins()
+    }
+
+    /// The request without pinned places.
+    fn without_pins(&self) -> Self {
+        let mut without = self.clone();
+        if let Styles::Painted { decided, .. } = &mut without.styles {
+            decided.pins.clear();
+        }
+        without
     }
 
     /// The style in these colors under strokes that stay. Their textures on the GPU follow the images, and
