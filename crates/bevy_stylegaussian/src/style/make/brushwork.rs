@@ -78,7 +78,7 @@ impl Brushwork {
     }
 
     fn painted(&self, spots: &Scene, scale: f32, work: &Work) -> Result<Painted, Failure> {
-        let canvases = made(&self.canvases)?;
+        let canvases = made(&self.canvases, work)?;
         let tints = self.decided.tints.as_ref().map(GivenTints::made).transpose()?;
         work.at(0.1)?;
         let paintings = as_parts(&canvases);

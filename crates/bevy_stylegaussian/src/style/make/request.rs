@@ -236,11 +236,11 @@ impl StyleRequest {
         if let Some(StyleResult { style, unpinned, .. }) = like
             && let AppliedColors::Known { colors, .. } = &style.colors
         {
-            return self.shown(Arc::clone(colors), unpinned.clone());
+            return self.shown(Arc::clone(colors), unpinned.clone(), work);
         }
         match &self.styles {
             Styles::Decoded { styles, decoder } if self.backend == StyleBackend::Gpu => {
-                self.fold(&made(styles)?, &decoder.0, packed).await
+                self.fold(&made(styles, work)?, &decoder.0, packed).await
             }
             _ => self.restyle(work),
         }
@@ -253,7 +253,7 @@ impl StyleRequest {
         let content = self.content;
         let painted = match &self.styles {
             Styles::Painted { canvases, surface, decided } => {
-                let canvases = made(canvases)?;
+                let canvases = made(canvases, work)?;
                 let tints = decided.tints.as_ref().map(GivenTints::made).transpose()?;
                 work.check()?;
                 let paintings = as_parts(&canvases);
@@ -280,7 +280,7 @@ impl StyleRequest {
                 recipe.restyle_beside(scene, company, work)
             }
             Styles::Decoded { styles, decoder } => {
-                let styles = made(styles)?;
+                let styles = made(styles, work)?;
                 work.check()?;
                 let styles = styles.iter().map(|(statistics, weight)| (&**statistics, *weight)).collect();
                 let styles = restyle::Styles::Decoded { styles, decode: &mut &*decoder.0 };
@@ -288,19 +288,24 @@ impl StyleRequest {
             }
             Styles::None => Recipe { looks, styles: restyle::Styles::None, content }.restyle(scene, work),
         };
-        self.painted(painted?)
+        self.painted(painted?, work)
     }
 
     /// The result of paint.
-    fn painted(&self, Painted { colors, strokes, .. }: Painted) -> Result<StyleResult, Failure> {
-        self.shown(colors.into(), (!strokes.seeds.is_empty()).then(|| Arc::new(strokes)))
+    fn painted(&self, Painted { colors, strokes, .. }: Painted, work: &Work) -> Result<StyleResult, Failure> {
+        self.shown(colors.into(), (!strokes.seeds.is_empty()).then(|| Arc::new(strokes)), work)
     }
 
     /// The result of these colors and strokes, which are moved to pinned places if they are not there yet.
-    fn shown(&self, colors: Arc<[[f32; 3]]>, unpinned: Option<Arc<Strokes>>) -> Result<StyleResult, Failure> {
+    fn shown(
+        &self,
+        colors: Arc<[[f32; 3]]>,
+        unpinned: Option<Arc<Strokes>>,
+        work: &Work,
+    ) -> Result<StyleResult, Failure> {
         let mut strokes = unpinned.clone();
         if let (Styles::Painted { canvases, surface, decided }, true) = (&self.styles, self.only_moves()) {
-            let canvases = made(canvases)?;
+            let canvases = made(canvases, work)?;
             let paintings = as_parts(&canvases);
             if let Some(strokes) = strokes.as_mut().filter(|_| !decided.pins.is_empty()) {
                 let hand = Hand { direction: decided.direction(), pins: &decided.pins, ..Hand::default() };
@@ -402,13 +407,21 @@ pub(super) fn as_parts(paintings: &[(Arc<Painting>, f64)]) -> Vec<(&Canvas, f64)
     parts
 }
 
-/// Values that are made later, made now, with their weights.
-pub(super) fn made<T: Clone>(later: &[(Same<LazyOf<T>>, f64)]) -> Result<Vec<(T, f64)>, Failure> {
-    let made = |(later, weight): &(Same<LazyOf<T>>, f64)| match &**later.0 {
-        Ok(value) => Ok((value.clone(), *weight)),
-        Err(error) => Err(Failure::Failed(Arc::clone(error))),
-    };
-    later.iter().map(made).collect()
+/// Values that are made later, made now, with their weights. One that was begun is finished, as others may want
+/// it.
+pub(super) fn made<T: Clone>(
+    later: &[(Same<LazyOf<T>>, f64)],
+    work: &Work,
+) -> Result<Vec<(T, f64)>, Failure> {
+    let mut made = Vec::new();
+    for (later, weight) in later {
+        work.check()?;
+        match &**later.0 {
+            Ok(value) => made.push((value.clone(), *weight)),
+            Err(error) => return Err(Failure::Failed(Arc::clone(error))),
+        }
+    }
+    Ok(made)
 }
 
 /// The target of a [`Later`] that may fail.
