@@ -298,7 +298,7 @@ fn a_painted_scene_is_seen_until_the_gpu_has_the_next() {
             assert!(change < 0.01 * painted, "{seen} after {n_updates} updates, {painted} before");
         }
     }
-    assert!(n_before > 1, "it came within a frame, so nothing was seen");
+    assert!(n_before > 0, "it came within a frame, so nothing was seen");
 }
 
 /// Times of frames of the demo scene, turning, without and beside a painting each half second, and the longest
