@@ -9,7 +9,7 @@ use crate::{
     ChannelStatistics, Decoder, Look, Scene,
     fold::{self, ChannelMap, StylizeError, normalized},
     look::{self, LookError},
-    paint::{self, Canvas, DirectionError, Hand, Painted, Pin, PinError, Surface},
+    paint::{self, Canvas, Company, DirectionError, Hand, Painted, Pin, PinError, Surface},
     strokes::{MAX_TEXTURES, Strokes},
     work::{Canceled, Work},
 };
@@ -146,7 +146,21 @@ impl Recipe<'_> {
     /// If parts do not go together: a look with the scene, decoded styles with a scene without features or with
     /// the decoder, weights or content with their ranges. If `work` is canceled.
     pub fn restyle(self, scene: &Scene, work: &Work) -> Result<Painted, RestyleError> {
-        self.made(scene, None, work)
+        self.restyle_beside(scene, None, work)
+    }
+
+    /// As [`restyle`](Self::restyle), with its paint laid on as in the scene of `company`, if there is one: see
+    /// [`paint::lay_beside`].
+    ///
+    /// # Errors
+    /// As [`restyle`](Self::restyle).
+    pub fn restyle_beside(
+        self,
+        scene: &Scene,
+        company: Option<&Company>,
+        work: &Work,
+    ) -> Result<Painted, RestyleError> {
+        self.made(scene, company.map_or(Present::Nothing, Present::Company), work)
     }
 
     /// The colors of `scene` under the `strokes` that the same recipe gave before its paintings changed: see
@@ -163,11 +177,11 @@ impl Recipe<'_> {
         strokes: &Strokes,
         work: &Work,
     ) -> Result<Vec<[f32; 3]>, RestyleError> {
-        Ok(self.made(scene, Some(strokes), work)?.colors)
+        Ok(self.made(scene, Present::Strokes(strokes), work)?.colors)
     }
 
-    /// Colors, under strokes that stay if there are any, and new strokes if not.
-    fn made(self, scene: &Scene, under: Option<&Strokes>, work: &Work) -> Result<Painted, RestyleError> {
+    /// Colors, and new strokes unless there are some that stay.
+    fn made(self, scene: &Scene, present: Present<'_>, work: &Work) -> Result<Painted, RestyleError> {
         if !(0.0..=1.0).contains(&self.content) {
             return Err(StylizeError::Content { found: self.content }.into());
         }
@@ -187,7 +201,7 @@ impl Recipe<'_> {
         let share: f64 = of_styles.iter().sum();
         // Styles of no weight beside a look need not be computed.
         let styled = if share > 0.0 {
-            self.styles.made(scene, self.content, under, work)?
+            self.styles.made(scene, self.content, present, work)?
         } else {
             Painted::default()
         };
@@ -199,6 +213,15 @@ impl Recipe<'_> {
         let strokes = mixed(std::iter::once((styled.strokes, share)).chain(parts));
         Ok(Painted { colors, strokes, ..Painted::default() })
     }
+}
+
+/// Paint that is there before a recipe's own.
+enum Present<'a> {
+    Nothing,
+    /// That of a scene that this one stands beside, or is a part of.
+    Company(&'a Company),
+    /// Strokes of this scene, which stay.
+    Strokes(&'a Strokes),
 }
 
 impl Styles<'_> {
@@ -215,7 +238,7 @@ impl Styles<'_> {
         self,
         scene: &Scene,
         content: f64,
-        under: Option<&Strokes>,
+        present: Present<'_>,
         work: &Work,
     ) -> Result<Painted, RestyleError> {
         match self {
@@ -229,9 +252,13 @@ impl Styles<'_> {
                 if paintings.len() > MAX_TEXTURES {
                     return Err(RestyleError::Paintings { found: paintings.len() });
                 }
-                if let Some(under) = under {
+                if let Present::Strokes(under) = present {
                     let colors = paint::recolored(scene, surface, &paintings, &hand, content, under, work)?;
                     return Ok(Painted { colors, ..Painted::default() });
+                }
+                if let Present::Company(company) = present {
+                    let how = (&hand, content, company);
+                    return Ok(paint::lay_beside(scene, surface, &paintings, how, work)?);
                 }
                 Pin::check_for(hand.pins, paintings.iter().map(|(canvas, _)| *canvas))?;
                 Ok(paint::lay(scene, surface, &paintings, &hand, content, work)?)

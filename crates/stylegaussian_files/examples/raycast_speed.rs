@@ -9,6 +9,7 @@ use std::time::Instant;
 use stylegaussian::{
     raycast::{Ray, RayIndex},
     views,
+    work::Work,
 };
 use stylegaussian_files::read_scene;
 
@@ -19,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("usage: raycast_speed SCENE")?;
     let scene = read_scene(path.as_ref())?.scene;
     let begun = Instant::now();
-    let index = RayIndex::new(&scene);
+    let index = RayIndex::new(&scene, &Work::default())?;
     println!("{} Gaussians, indexed in {:.0?}", scene.len(), begun.elapsed());
     let mut times = Vec::new();
     let mut n_hits = 0;

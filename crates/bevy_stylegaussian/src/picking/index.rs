@@ -23,7 +23,7 @@ impl RayIndexes {
     pub(super) fn get(&mut self, loaded: &LoadedScene, workers: &Workers) -> Option<&RayIndex> {
         let begin = || {
             let scene = Arc::clone(loaded.scene());
-            workers.start(Lane::Scenes, move |_| Ok(RayIndex::new(&scene)))
+            workers.start(Lane::Scenes, move |work| RayIndex::new(&scene, work))
         };
         self.0.get_or_insert_with(loaded, begin).get()?.as_ref().ok()
     }

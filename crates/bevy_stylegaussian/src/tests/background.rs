@@ -1,6 +1,7 @@
 //! Long work beside a game: what else waits for it, and how soon it stops.
 
 use std::{
+    convert::Infallible,
     sync::{
         Arc, Mutex,
         atomic::{AtomicBool, Ordering::Relaxed},
@@ -8,6 +9,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use async_lock::OnceCell;
 use bevy::{
     prelude::*,
     render::{RenderApp, settings::WgpuSettings},
@@ -24,9 +26,9 @@ use crate::{
 };
 
 use super::{
-    paint::noise,
+    paint::{noise, raw},
     world::{
-        rendering::{app_with_rendering, app_without_splats, finish, render_target, target},
+        rendering::{app_with_rendering, app_without_splats, finish, read_back, render_target, target},
         *,
     },
 };
@@ -156,10 +158,41 @@ fn a_bake_that_is_not_wanted_any_more_stops() {
     assert!(app.world().get::<StyleProgress>(entity).is_none());
 }
 
-/// A scene is replaced while its painting is on its way: the style is that of the next scene, and nothing
-/// fails.
+/// A scene is replaced while it is prepared to be painted, and the next one is a long time on its way.
 #[test]
-fn the_style_of_a_scene_that_is_on_its_way_out_is_not_computed() {
+fn a_scene_that_is_on_its_way_out_is_not_painted() {
+    let mut app = app_without_rendering();
+    // Its surface takes far longer than an update.
+    let splats = GaussianSplats(add_scene(&mut app, raw(20_000)));
+    let image = painting(&mut app, 1);
+    let entity = app.world_mut().spawn((splats, StyleSource::image(image))).id();
+    update_until(&mut app, "a part of its surface", |world| {
+        world
+            .get::<StyleProgress>(entity)
+            .and_then(|progress| progress.style)
+            .is_some_and(|share| share > 0.0)
+    });
+    let next = Arc::new(OnceCell::new());
+    let coming = Arc::clone(&next);
+    let load = async move { Ok::<GaussianScene, Infallible>(GaussianScene::clone(coming.wait().await)) };
+    let splats = GaussianSplats(app.world().resource::<AssetServer>().add_async(load));
+    app.world_mut().entity_mut(entity).insert(splats);
+    // The surface ends, and a painting would follow it.
+    for _ in 0..2 {
+        (0..3).for_each(|_| app.update());
+        until_free(&app, Lane::Styles);
+    }
+    (0..3).for_each(|_| app.update());
+    assert!(app.world().get::<AppliedStyle>(entity).is_none(), "the scene before was painted");
+    assert!(next.try_set(GaussianScene::new(raw(60))).is_ok());
+    update_until(&mut app, "the next scene's style", |world| world.get::<AppliedStyle>(entity).is_some());
+    assert_eq!(app.world().get::<AppliedStyle>(entity).unwrap().scene.len(), 60);
+}
+
+/// A scene that can have no style is replaced while the next one is on its way: the style is that of the next
+/// scene, and no failure is told.
+#[test]
+fn a_scene_that_is_on_its_way_out_does_not_fail() {
     let dir = tempfile::tempdir().unwrap();
     write_scene(&dir.path().join("next.sgs"), &small_scene(400, 2)).unwrap();
     let mut app =
@@ -186,15 +219,27 @@ fn can_be_drawn(app: &App, entity: Entity) -> bool {
     app.sub_app(RenderApp).world().resource::<GpuScenes>().get(shown).is_some()
 }
 
-#[test]
-fn an_entity_shows_its_scene_until_the_gpu_has_the_next() {
-    let Some(mut app) = app_without_splats(WgpuSettings::default()) else { return };
+/// An app that compiles and uploads in the background, the image of its camera, and an entity that shows a
+/// scene.
+fn app_in_background() -> Option<(App, Handle<Image>, Entity)> {
+    let mut app = app_without_splats(WgpuSettings::default())?;
     app.insert_resource(QUICK_THREADS).add_plugins(StyleGaussianPlugin::default());
     let mut app = finish(app);
-    let target_image = render_target(&mut app, UVec2::splat(16));
-    app.world_mut().spawn((Camera3d::default(), target(&target_image), Transform::from_xyz(0.0, 0.0, 5.0)));
-    let splats = GaussianSplats(add_scene(&mut app, small_scene(64, 1)));
+    let image = render_target(&mut app, UVec2::splat(16));
+    app.world_mut().spawn((
+        Camera3d::default(),
+        Camera { clear_color: Color::BLACK.into(), ..default() },
+        target(&image),
+        Transform::from_xyz(0.0, 3.9, 9.7).looking_at(Vec3::ZERO, Vec3::Y),
+    ));
+    let splats = GaussianSplats(add_scene(&mut app, raw(64)));
     let entity = app.world_mut().spawn(splats).id();
+    Some((app, image, entity))
+}
+
+#[test]
+fn an_entity_shows_its_scene_until_the_gpu_has_the_next() {
+    let Some((mut app, _, entity)) = app_in_background() else { return };
     for _ in 0..1000 {
         app.update();
         if can_be_drawn(&app, entity) {
@@ -220,6 +265,40 @@ fn an_entity_shows_its_scene_until_the_gpu_has_the_next() {
             .insert(&next, GaussianScene::new(smaller))
             .unwrap();
     }
+}
+
+#[test]
+fn a_painted_scene_is_seen_until_the_gpu_has_the_next() {
+    let Some((mut app, image, entity)) = app_in_background() else { return };
+    let light = |app: &App| -> f32 {
+        read_back(app, &image).iter().map(|pixel| pixel[..3].iter().sum::<f32>()).sum()
+    };
+    let source = StyleSource::image(painting(&mut app, 1));
+    app.world_mut().entity_mut(entity).insert(source);
+    update_until(&mut app, "a painting", |world| world.get::<AppliedStyle>(entity).is_some());
+    app.update();
+    let painted = light(&app);
+    assert!(painted > 0.1, "nothing is seen of the painting");
+    let demo = demo();
+    let n = demo.len();
+    let next = add_scene(&mut app, demo);
+    app.world_mut().entity_mut(entity).insert(GaussianSplats(next));
+    let (begun, mut n_before, mut n_updates) = (Instant::now(), 0, 0);
+    // Until the next one is painted too.
+    while app.world().get::<AppliedStyle>(entity).is_none_or(|style| style.scene.len() != n) {
+        assert!(begun.elapsed() < Duration::from_secs(60), "the next scene was never painted");
+        app.update();
+        n_updates += 1;
+        let seen = light(&app);
+        if app.world().get::<LoadedScene>(entity).unwrap().scene().len() == n {
+            assert!(seen > 0.1, "nothing was seen after {n_updates} updates");
+        } else {
+            n_before += 1;
+            let change = (seen - painted).abs();
+            assert!(change < 0.01 * painted, "{seen} after {n_updates} updates, {painted} before");
+        }
+    }
+    assert!(n_before > 0, "it came within a frame, so nothing was seen");
 }
 
 /// Times of frames of the demo scene, turning, without and beside a painting each half second, and the longest

@@ -1,6 +1,9 @@
 //! Styles in a painting's own paint, in apps without a renderer.
 
-use std::sync::Arc;
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use bevy::{
     asset::RenderAssetUsages,
@@ -322,6 +325,36 @@ fn paint_stays_until_the_same_painting_is_painted_anew() {
     assert_eq!(n_changes(&app), Some(before + 3));
 }
 
+/// The time that is told is that since the last of several wishes: neither since the first one, nor since the
+/// image of the last one came.
+#[test]
+fn the_last_wish_is_timed() {
+    const PAUSE: Duration = Duration::from_millis(100);
+    let mut app = app_without_rendering();
+    let splats = GaussianSplats(add_scene(&mut app, raw(40)));
+    let entity = app.world_mut().spawn((splats, StyleSource::none())).id();
+    (0..3).for_each(|_| app.update());
+    drain::<StyleApplied>(&mut app);
+    let late = [(); 3].map(|()| app.world().resource::<Assets<Image>>().reserve_handle());
+    let [mut wished, mut heard] = [Instant::now(); 2];
+    for image in &late {
+        wished = Instant::now();
+        set(&mut app, entity, StyleSource::image(image.clone()));
+        app.update();
+        heard = Instant::now();
+        while heard.elapsed() < PAUSE {
+            app.update();
+        }
+    }
+    let waited = heard.elapsed();
+    let image = noise(1, [250, 200, 30], [20, 40, 90]);
+    app.world_mut().resource_mut::<Assets<Image>>().insert(&late[2], image).unwrap();
+    let applied = until_applied(&mut app);
+    let (told, at_most) = (applied[0].elapsed, wished.elapsed());
+    assert_eq!(applied.len(), 1);
+    assert!(waited <= told && told <= at_most, "{told:?}, expected {waited:?} to {at_most:?}");
+}
+
 #[test]
 fn a_scene_with_a_decoder_of_its_own_is_decoded() {
     let mut app = app_without_rendering();
@@ -336,24 +369,24 @@ fn a_scene_with_a_decoder_of_its_own_is_decoded() {
 
 /// Processor time of this process so far, which other programs hardly disturb. Zero where the system does not
 /// tell.
-fn processor_time() -> std::time::Duration {
+fn processor_time() -> Duration {
     let status = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     // The name stands in parentheses. User and system time are the 14th and 15th fields, in hundredths of a
     // second.
     let after = status.rsplit_once(") ").map_or("", |(_, after)| after);
     let ticks: u64 = after.split(' ').skip(11).take(2).filter_map(|ticks| ticks.parse::<u64>().ok()).sum();
-    std::time::Duration::from_millis(10 * ticks)
+    Duration::from_millis(10 * ticks)
 }
 
 /// Time from the last of ten wishes, a fifth of a second apart, to its paint.
-fn time_of_the_last_wish(app: &mut App, entity: Entity) -> std::time::Duration {
+fn time_of_the_last_wish(app: &mut App, entity: Entity) -> Duration {
     let images: Vec<_> = (0..10)
         .map(|i| noise(i, [20 * i as u8, 90, 200], [240, 240, 20 * i as u8]))
         .map(|image| add(app, image))
         .collect();
-    let mut wished = std::time::Instant::now();
+    let mut wished = Instant::now();
     for image in images {
-        wished = std::time::Instant::now();
+        wished = Instant::now();
         set(app, entity, StyleSource::image(image));
         while wished.elapsed().as_millis() < 200 {
             app.update();
@@ -389,7 +422,7 @@ fn times_to_paint() {
             let image = image::load_from_memory(&bytes).unwrap();
             let image = Image::from_dynamic(image, true, RenderAssetUsages::MAIN_WORLD);
             let handle = add(&mut app, image);
-            let begun = (std::time::Instant::now(), processor_time());
+            let begun = (Instant::now(), processor_time());
             set(&mut app, entity, StyleSource::image(handle));
             until_applied(&mut app);
             times.push((begun.0.elapsed(), processor_time() - begun.1));

@@ -8,7 +8,10 @@
 use std::sync::Arc;
 
 use bevy::{prelude::*, window::RequestRedraw};
-use stylegaussian::Scene;
+use stylegaussian::{
+    Scene,
+    work::{Canceled, Work},
+};
 
 use super::tree::{Run, Tree};
 use crate::{
@@ -59,8 +62,8 @@ pub(super) fn make_references(
         match &tree.reference {
             None => {
                 let Some(parts) = tree.parts(&runs) else { continue };
-                let gathering =
-                    workers.start(Lane::Scenes, move |_| Ok(GaussianScene::new(gathered(&parts, MOST))));
+                let gathering = workers
+                    .start(Lane::Scenes, move |work| Ok(GaussianScene::new(gathered(&parts, MOST, work)?)));
                 tree.reference = Some(Reference::Gathering(gathering));
                 redraw.write(RequestRedraw);
             }
@@ -92,11 +95,12 @@ impl Tree {
 }
 
 /// Gaussians of several scenes in their base colors, `most` of them, spread evenly.
-fn gathered(scenes: &[Arc<Scene>], most: usize) -> Scene {
+fn gathered(scenes: &[Arc<Scene>], most: usize, work: &Work) -> Result<Scene, Canceled> {
     let n: usize = scenes.iter().map(|scene| scene.len()).sum();
     let every = n.div_ceil(most.max(1)).max(1);
     let (mut gathered, mut colors, mut passed) = (Scene::default(), Vec::new(), 0_usize);
     for scene in scenes {
+        work.check()?;
         let base = scene.base_colors();
         // As if all scenes were one.
         for i in (passed.next_multiple_of(every) - passed..scene.len()).step_by(every) {
@@ -114,7 +118,7 @@ fn gathered(scenes: &[Arc<Scene>], most: usize) -> Scene {
     let up = scenes.first().and_then(|scene| scene.up);
     let mut gathered = Scene { order: (0..n as u32).collect(), n_source: n, up, ..gathered };
     gathered.set_colors(&colors);
-    gathered
+    Ok(gathered)
 }
 
 #[cfg(test)]
@@ -124,16 +128,18 @@ mod tests {
 
     #[test]
     fn some_of_each_scene_are_gathered() {
-        let scenes = [10, 4, 0, 7].map(|n| Arc::new(small_scene(n, n as u64)));
-        let all = gathered(&scenes, 100);
+        let (scenes, work) = ([10, 4, 0, 7].map(|n| Arc::new(small_scene(n, n as u64))), Work::default());
+        let all = gathered(&scenes, 100, &work).unwrap();
         assert_eq!(all.len(), 21);
         assert_eq!((all.means[10], all.scales[14]), (scenes[1].means[0], scenes[3].scales[0]));
         let close = |a: [f32; 3], b: [f32; 3]| Vec3::from(a).abs_diff_eq(Vec3::from(b), 1e-5);
         assert!(close(all.base_colors()[15], scenes[3].base_colors()[1]));
         // Every third of 21.
-        let some = gathered(&scenes, 8);
+        let some = gathered(&scenes, 8, &work).unwrap();
         assert!(some.validate().is_ok());
         assert_eq!(some.means, (0..21).step_by(3).map(|i| all.means[i]).collect::<Vec<_>>());
-        assert!(gathered(&[], 8).is_empty());
+        assert!(gathered(&[], 8, &work).unwrap().is_empty());
+        work.cancel();
+        assert_eq!(gathered(&scenes, 8, &work).err(), Some(Canceled));
     }
 }

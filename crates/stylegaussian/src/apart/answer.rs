@@ -10,7 +10,7 @@ use super::{
     paint, read_optional, scene,
 };
 use crate::{
-    paint::{Canvas, Company, Direction, Hand, Painted, Pin, Surface, Tints, lay_beside, pin},
+    paint::{Canvas, Company, Direction, Hand, Painted, Pin, Surface, Tints, pin},
     restyle::{Recipe, Styles},
     scene::Scene,
     strokes::Strokes,
@@ -103,12 +103,9 @@ impl Apart {
         let paintings = laid.paintings(self)?;
         let whole = whole.map(|whole| self.ground(whole)).transpose()?;
         let company = whole.and_then(|whole| whole.last.as_ref()?.company.as_ref()?.as_ref());
-        if let Some(company) = company {
-            return Ok(lay_beside(scene, surface, &paintings, (&hand, laid.content, company), work)?);
-        }
         let styles = Styles::Painted { paintings, surface, hand };
         let recipe = Recipe { looks: Vec::new(), styles, content: laid.content };
-        Ok(recipe.restyle(scene, work)?)
+        Ok(recipe.restyle_beside(scene, company, work)?)
     }
 
     /// Sees that a scene has this paint, and what its parts need to know of that.

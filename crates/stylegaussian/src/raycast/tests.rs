@@ -33,9 +33,13 @@ fn random_scene(n: usize, random: &mut Random) -> Scene {
     scene(&gaussians)
 }
 
+fn index(scene: &Scene) -> RayIndex {
+    RayIndex::new(scene, &Work::default()).unwrap()
+}
+
 /// The twin: every Gaussian, one after the other.
 fn brute_force(scene: &Scene, ray: Ray) -> Option<Hit> {
-    let index = RayIndex::new(scene);
+    let index = index(scene);
     let all = index.gaussians.iter().enumerate();
     let mut crossings: Vec<_> =
         all.filter_map(|(i, gaussian)| gaussian.crossing(ray, i as u32, gaussian.opacity)).collect();
@@ -50,7 +54,7 @@ fn rays_hit_what_all_gaussians_give() {
     let mut counts = [0; 2];
     for n in [1, 7, 8, 9, 300, 5000] {
         let scene = random_scene(n, &mut random);
-        let index = RayIndex::new(&scene);
+        let index = index(&scene);
         for _ in 0..40 {
             let origin = 3.0 * direction(&mut random);
             let aim = direction(&mut random) - origin;
@@ -73,17 +77,17 @@ fn half_of_the_light_decides() {
         |z: f32, opacity: f32| (Vec3::new(0.0, 0.0, z), Quat::IDENTITY, Vec3::new(1.0, 1.0, 0.01), opacity);
     let sheets = scene(&[sheet(2.0, 0.95), sheet(0.0, 0.3), sheet(1.0, 0.3)]);
     let ray = Ray { origin: Vec3::new(0.0, 0.0, -1.0), direction: Vec3::Z };
-    let hit = RayIndex::new(&sheets).cast(ray).unwrap();
+    let hit = index(&sheets).cast(ray).unwrap();
     assert!((hit.distance - 2.0).abs() < 1e-5 && (hit.position.z - 1.0).abs() < 1e-5, "{hit:?}");
     assert!(hit.normal.abs_diff_eq(Vec3::NEG_Z, 1e-5), "{hit:?}");
     assert_eq!(hit.gaussian, 1, "0.3 before 0.7 times 0.3");
     // In units of the direction's length.
-    let far = RayIndex::new(&sheets).cast(Ray { direction: Vec3::Z * 0.5, ..ray }).unwrap();
+    let far = index(&sheets).cast(Ray { direction: Vec3::Z * 0.5, ..ray }).unwrap();
     assert!((far.distance - 4.0).abs() < 1e-5, "{far:?}");
     // From the other side, and away from it.
     let back = Ray { origin: Vec3::new(0.0, 0.0, 5.0), direction: Vec3::NEG_Z };
-    assert_eq!(RayIndex::new(&sheets).cast(back).unwrap().gaussian, 0);
-    assert_eq!(RayIndex::new(&sheets).cast(Ray { direction: Vec3::Z, ..back }), None);
+    assert_eq!(index(&sheets).cast(back).unwrap().gaussian, 0);
+    assert_eq!(index(&sheets).cast(Ray { direction: Vec3::Z, ..back }), None);
 }
 
 /// A share of the opacity is the opacity.
@@ -98,8 +102,8 @@ fn shares_are_opacities() {
     for _ in 0..100 {
         let origin = 3.0 * direction(&mut random);
         let ray = Ray { origin, direction: direction(&mut random) - origin };
-        let found = RayIndex::new(&scene).cast_through(ray, |i| shares[i]);
-        let expected = RayIndex::new(&faded).cast(ray);
+        let found = index(&scene).cast_through(ray, |i| shares[i]);
+        let expected = index(&faded).cast(ray);
         assert_eq!(found.map(|hit| hit.gaussian), expected.map(|hit| hit.gaussian));
         assert_eq!(found.map(|hit| hit.position), expected.map(|hit| hit.position));
         n_hits += usize::from(found.is_some());
@@ -108,12 +112,20 @@ fn shares_are_opacities() {
 }
 
 #[test]
+fn an_index_that_is_canceled_is_none() {
+    let work = Work::default();
+    work.cancel();
+    let scene = random_scene(10, &mut Random::new(23));
+    assert_eq!(RayIndex::new(&scene, &work).err(), Some(Canceled));
+}
+
+#[test]
 fn rays_and_scenes_may_be_anything() {
     let mut random = Random::new(22);
     let mut odd = random_scene(20, &mut random);
     (odd.means[0].x, odd.scales[1].y, odd.opacities[2]) = (f32::NAN, f32::INFINITY, f32::NAN);
     (odd.rotations[3], odd.scales[4]) = (Quat::from_xyzw(0.0, 0.0, 0.0, 0.0), Vec3::ZERO);
-    let (odd, empty) = (RayIndex::new(&odd), RayIndex::new(&Scene::default()));
+    let (odd, empty) = (index(&odd), index(&Scene::default()));
     for value in [0.0, 1.0, f32::MAX, f32::MIN_POSITIVE, f32::INFINITY, f32::NAN] {
         for direction in [Vec3::splat(value), Vec3::X * value, Vec3::new(1.0, value, 0.0)] {
             let ray = Ray { origin: Vec3::ZERO, direction };

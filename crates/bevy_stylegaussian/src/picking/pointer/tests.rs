@@ -12,6 +12,7 @@ use bevy::{
 use stylegaussian::{
     mask::Brush,
     raycast::{Ray, RayIndex},
+    work::Work,
 };
 
 use super::*;
@@ -95,7 +96,7 @@ fn pointers_hit_splats() {
     let found = hits(&mut app).expect("a hit");
     let scene = small_scene(400, 5);
     let ray = Ray { origin: Vec3::new(0.0, 0.0, 5.0 - 0.1), direction: Vec3::NEG_Z };
-    let expected = RayIndex::new(&scene).cast(ray).expect("a hit");
+    let expected = RayIndex::new(&scene, &Work::default()).unwrap().cast(ray).expect("a hit");
     let (entity, hit) = found.picks[0].clone();
     assert_eq!((found.picks.len(), entity, found.order, hit.camera), (1, cloud, 3.0, camera));
     let near = |a: Option<Vec3>, b: Vec3| a.is_some_and(|a| a.abs_diff_eq(b, 1e-4));

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use stylegaussian::{
     Scene,
     mesh::Sky,
-    paint::{self, Hand, Painted, Surface},
+    paint::{Hand, Painted, Surface},
     restyle::{self, Recipe},
     work::{Canceled, Work},
 };
@@ -78,7 +78,7 @@ impl Brushwork {
     }
 
     fn painted(&self, spots: &Scene, scale: f32, work: &Work) -> Result<Painted, Failure> {
-        let canvases = made(&self.canvases)?;
+        let canvases = made(&self.canvases, work)?;
         let tints = self.decided.tints.as_ref().map(GivenTints::made).transpose()?;
         work.at(0.1)?;
         let paintings = as_parts(&canvases);
@@ -90,16 +90,19 @@ impl Brushwork {
             pins: &[],
         };
         let (surfaces, laying) = (work.part(0.1, 0.6), work.part(0.6, 1.0));
+        let (mut company, mut surface) = (None, None);
         if let Some(beside) = &self.beside {
-            let painted = &beside.surface;
-            if let Some(company) = beside.company(&paintings, &hand, work)? {
-                let surface = Surface::beside(spots, painted, scale, &surfaces)?;
-                let how = (&hand, self.content, company);
-                return Ok(paint::lay_beside(spots, &surface, &paintings, how, &laying)?);
+            company = beside.company(&paintings, &hand, work)?;
+            if company.is_some() {
+                surface = Some(Surface::beside(spots, &beside.surface, scale, &surfaces)?);
             }
         }
-        let surface = Surface::new(spots, &surfaces)?;
+        let surface = match surface {
+            Some(surface) => surface,
+            None => Surface::new(spots, &surfaces)?,
+        };
         let styles = restyle::Styles::Painted { paintings, surface: &surface, hand };
-        Ok(Recipe { looks: Vec::new(), styles, content: self.content }.restyle(spots, &laying)?)
+        let recipe = Recipe { looks: Vec::new(), styles, content: self.content };
+        Ok(recipe.restyle_beside(spots, company, &laying)?)
     }
 }

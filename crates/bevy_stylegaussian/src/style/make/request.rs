@@ -9,7 +9,7 @@ use std::{ops::Deref, sync::Arc};
 use stylegaussian::{
     Decoder, Look, Scene,
     fold::StylizeError,
-    paint::{Canvas, Direction, Hand, Painted, Pin, Tints, lay_beside, pin},
+    paint::{Canvas, Direction, Hand, Painted, Pin, Tints, pin},
     restyle::{self, Recipe, RestyleError},
     strokes::Strokes,
     work::{Canceled, Work},
@@ -38,7 +38,7 @@ use crate::{
 };
 
 /// All that decides the colors of a style. Two that are equal give the same.
-#[derive(PartialEq)]
+#[derive(Clone, PartialEq)]
 pub(crate) struct StyleRequest {
     pub(crate) scene: Same<Scene>,
     pub(crate) styles: Styles,
@@ -55,7 +55,7 @@ pub(crate) struct StyleRequest {
 }
 
 /// Images and presets, and their weights.
-#[derive(PartialEq)]
+#[derive(Clone, PartialEq)]
 pub(crate) enum Styles {
     /// To paint the scene with, on its surface.
     Painted { canvases: Vec<(Same<LaterCanvas>, f64)>, surface: Same<Ground>, decided: Decided },
@@ -216,13 +216,9 @@ impl StyleRequest {
         };
         let present: Vec<_> = canvases.iter().enumerate().map(present).collect();
         (present != *canvases).then(|| Self {
-            scene: self.scene.clone(),
             styles: Styles::Painted { canvases: present, surface: surface.clone(), decided: decided.clone() },
-            looks: self.looks.clone(),
-            content: self.content,
-            backend: self.backend,
             under: Some(Same(strokes)),
-            beside: self.beside.clone(),
+            ..self.clone()
         })
     }
 
@@ -240,11 +236,11 @@ impl StyleRequest {
         if let Some(StyleResult { style, unpinned, .. }) = like
             && let AppliedColors::Known { colors, .. } = &style.colors
         {
-            return self.shown(Arc::clone(colors), unpinned.clone());
+            return self.shown(Arc::clone(colors), unpinned.clone(), work);
         }
         match &self.styles {
             Styles::Decoded { styles, decoder } if self.backend == StyleBackend::Gpu => {
-                self.fold(&made(styles)?, &decoder.0, packed).await
+                self.fold(&made(styles, work)?, &decoder.0, packed).await
             }
             _ => self.restyle(work),
         }
@@ -257,7 +253,7 @@ impl StyleRequest {
         let content = self.content;
         let painted = match &self.styles {
             Styles::Painted { canvases, surface, decided } => {
-                let canvases = made(canvases)?;
+                let canvases = made(canvases, work)?;
                 let tints = decided.tints.as_ref().map(GivenTints::made).transpose()?;
                 work.check()?;
                 let paintings = as_parts(&canvases);
@@ -270,12 +266,10 @@ impl StyleRequest {
                     pins: if self.only_moves() { &[] } else { &decided.pins },
                 };
                 let is_alone = !self.looks.is_empty() || self.under.is_some();
-                if let Some(Same(beside)) = self.beside.as_ref().filter(|_| !is_alone)
-                    && let Some(company) = beside.company(&paintings, &hand, work)?
-                {
-                    let how = (&hand, content, company);
-                    return self.painted(lay_beside(scene, &surface.0, &paintings, how, work)?);
-                }
+                let company = match self.beside.as_ref().filter(|_| !is_alone) {
+                    Some(Same(beside)) => beside.company(&paintings, &hand, work)?,
+                    None => None,
+                };
                 let styles = restyle::Styles::Painted { paintings, surface: &surface.0, hand };
                 let recipe = Recipe { looks, styles, content };
                 // In given colors, textures are no image's own and cannot follow it: strokes are laid on anew.
@@ -283,10 +277,10 @@ impl StyleRequest {
                     let colors = recipe.recolor(scene, under, work)?;
                     return Ok(self.recolored(colors, under, &canvases));
                 }
-                recipe.restyle(scene, work)
+                recipe.restyle_beside(scene, company, work)
             }
             Styles::Decoded { styles, decoder } => {
-                let styles = made(styles)?;
+                let styles = made(styles, work)?;
                 work.check()?;
                 let styles = styles.iter().map(|(statistics, weight)| (&**statistics, *weight)).collect();
                 let styles = restyle::Styles::Decoded { styles, decode: &mut &*decoder.0 };
@@ -294,19 +288,24 @@ impl StyleRequest {
             }
             Styles::None => Recipe { looks, styles: restyle::Styles::None, content }.restyle(scene, work),
         };
-        self.painted(painted?)
+        self.painted(painted?, work)
     }
 
     /// The result of paint.
-    fn painted(&self, Painted { colors, strokes, .. }: Painted) -> Result<StyleResult, Failure> {
-        self.shown(colors.into(), (!strokes.seeds.is_empty()).then(|| Arc::new(strokes)))
+    fn painted(&self, Painted { colors, strokes, .. }: Painted, work: &Work) -> Result<StyleResult, Failure> {
+        self.shown(colors.into(), (!strokes.seeds.is_empty()).then(|| Arc::new(strokes)), work)
     }
 
     /// The result of these colors and strokes, which are moved to pinned places if they are not there yet.
-    fn shown(&self, colors: Arc<[[f32; 3]]>, unpinned: Option<Arc<Strokes>>) -> Result<StyleResult, Failure> {
+    fn shown(
+        &self,
+        colors: Arc<[[f32; 3]]>,
+        unpinned: Option<Arc<Strokes>>,
+        work: &Work,
+    ) -> Result<StyleResult, Failure> {
         let mut strokes = unpinned.clone();
         if let (Styles::Painted { canvases, surface, decided }, true) = (&self.styles, self.only_moves()) {
-            let canvases = made(canvases)?;
+            let canvases = made(canvases, work)?;
             let paintings = as_parts(&canvases);
             if let Some(strokes) = strokes.as_mut().filter(|_| !decided.pins.is_empty()) {
                 let hand = Hand { direction: decided.direction(), pins: &decided.pins, ..Hand::default() };
@@ -340,23 +339,17 @@ impl StyleRequest {
 
     /// Whether another request differs in pinned places alone, and these only move strokes.
     pub(crate) fn pins_others(&self, other: &Self) -> bool {
-        let Styles::Painted { canvases, surface, decided } = &self.styles else { return false };
-        let with_own_pins = |of: &Decided| Decided { pins: decided.pins.clone(), ..of.clone() };
-        let is_alike = match &other.styles {
-            Styles::Painted { canvases: others, surface: other, decided: of } => {
-                canvases == others && surface == other && *decided == with_own_pins(of)
-            }
-            Styles::Decoded { .. } | Styles::None => false,
-        };
-        is_alike
-            && self.only_moves()
-            && other.looks.is_empty()
-            // Strokes of images that changed stay as they are.
-            && self.under.is_none()
-            && other.under.is_none()
-            && self.scene == other.scene
-            && self.beside == other.beside
-            && self.content == other.content
+        // Strokes of images that changed stay as they are.
+        self.only_moves() && self.under.is_none() && self.without_pins() == other.without_pins()
+    }
+
+    /// The request without pinned places.
+    fn without_pins(&self) -> Self {
+        let mut without = self.clone();
+        if let Styles::Painted { decided, .. } = &mut without.styles {
+            decided.pins.clear();
+        }
+        without
     }
 
     /// The style in these colors under strokes that stay. Their textures on the GPU follow the images, and
@@ -414,13 +407,21 @@ pub(super) fn as_parts(paintings: &[(Arc<Painting>, f64)]) -> Vec<(&Canvas, f64)
     parts
 }
 
-/// Values that are made later, made now, with their weights.
-pub(super) fn made<T: Clone>(later: &[(Same<LazyOf<T>>, f64)]) -> Result<Vec<(T, f64)>, Failure> {
-    let made = |(later, weight): &(Same<LazyOf<T>>, f64)| match &**later.0 {
-        Ok(value) => Ok((value.clone(), *weight)),
-        Err(error) => Err(Failure::Failed(Arc::clone(error))),
-    };
-    later.iter().map(made).collect()
+/// Values that are made later, made now, with their weights. One that was begun is finished, as others may want
+/// it.
+pub(super) fn made<T: Clone>(
+    later: &[(Same<LazyOf<T>>, f64)],
+    work: &Work,
+) -> Result<Vec<(T, f64)>, Failure> {
+    let mut made = Vec::new();
+    for (later, weight) in later {
+        work.check()?;
+        match &**later.0 {
+            Ok(value) => made.push((value.clone(), *weight)),
+            Err(error) => return Err(Failure::Failed(Arc::clone(error))),
+        }
+    }
+    Ok(made)
 }
 
 /// The target of a [`Later`] that may fail.

@@ -41,9 +41,9 @@ impl StyleRequest {
         if self.under.is_some() {
             return Ok(None);
         }
-        let paintings = made(canvases)?;
+        let paintings = made(canvases, work)?;
         let tints = match &decided.tints {
-            Some(GivenTints::Canvas(canvas)) => made(&[(canvas.clone(), 1.0)])?.pop().map(|(of, _)| of),
+            Some(GivenTints::Canvas(canvas)) => made(&[(canvas.clone(), 1.0)], work)?.pop().map(|(of, _)| of),
             Some(GivenTints::Colors(_)) | None => None,
         };
         let mut all = paintings.iter().map(|(painting, _)| painting).chain(&tints);
