@@ -12,6 +12,8 @@ use std::{
 
 #[path = "rooms/files.rs"]
 mod files;
+#[path = "rooms/layers.rs"]
+mod layers;
 
 /// A room must not import another.
 struct Wall {
