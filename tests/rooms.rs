@@ -276,6 +276,28 @@ fn imports_are_found_however_they_are_written() {
     assert_eq!(found(source), names(["colors", "scene", "style"]));
 }
 
+/// The names of a crate's root: its public modules, and what it takes from modules and from other crates.
+fn root_names(lib: &str) -> BTreeSet<String> {
+    let tokens = tokens(lib);
+    let mut paths = BTreeSet::new();
+    for at in 1..tokens.len() {
+        if tokens[at - 1] == "pub" && ["use", "mod"].contains(&tokens[at].as_str()) {
+            tree_paths(&tokens, at + 1, &[], &mut paths);
+        }
+    }
+    // A prelude may repeat the root.
+    paths.into_iter().filter(|path| path[0] != "crate").filter_map(|mut path| path.pop()).collect()
+}
+
+/// More names than one reads before one uses the plugin belong in modules.
+#[test]
+fn the_root_of_the_plugin_has_few_names() {
+    let lib = Path::new(env!("CARGO_MANIFEST_DIR")).join(PLUGIN).join("lib.rs");
+    let names = root_names(&fs::read_to_string(lib).unwrap());
+    assert!(names.contains("StyleGaussianPlugin") && names.contains("prelude"), "{names:?}");
+    assert!(names.len() <= 30, "{} names: {names:?}", names.len());
+}
+
 /// The most files that may import one another in a circle. Two or three are a module and its parts; more is a
 /// room whose parts cannot be read alone.
 const LARGEST_CIRCLE: usize = 3;
