@@ -148,8 +148,3 @@ pub mod prelude {
     #[cfg(feature = "meshes")]
     pub use crate::{StyledMesh, StyledSky};
 }
-
-/// The examples of the repository's README, as doc tests.
-#[cfg(doctest)]
-#[doc = include_str!("../../../README.md")]
-mod readme {}
