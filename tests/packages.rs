@@ -81,6 +81,26 @@ fn networks_come_with_a_notice() {
     {
         assert!(notice.contains(name), "the notice does not mention {name}");
     }
+    let files = notice.split_whitespace().map(|word| word.trim_end_matches([',', '.', ';', ':']));
+    for file in files.filter(|word| word.starts_with("assets/") || word.starts_with("docs/")) {
+        assert!(repository().join(file).is_file(), "the notice names {file}, which does not exist");
+    }
+}
+
+/// Whoever asks where a painting came from finds a line for it.
+#[test]
+fn each_painting_has_an_origin() {
+    let table = read(&repository().join("assets/paintings.csv"));
+    let rows: Vec<Vec<&str>> = table.lines().skip(1).map(|line| line.split(',').collect()).collect();
+    for row in &rows {
+        let is_full = row.len() == 4 && row.iter().all(|field| !field.is_empty());
+        assert!(is_full, "expected a name, use, origin and license, found {row:?}");
+    }
+    for (list, purpose) in [("training_paintings", "training"), ("held_out_paintings", "evaluation")] {
+        let names = read(&repository().join(format!("assets/{list}.txt")));
+        let found: Vec<&str> = rows.iter().filter(|row| row[1] == purpose).map(|row| row[0]).collect();
+        assert_eq!(found, names.lines().collect::<Vec<_>>(), "assets/paintings.csv differs from {list}.txt");
+    }
 }
 
 /// A game that needs another version of the same package would not resolve.

@@ -12,6 +12,8 @@ use std::{
 
 #[path = "rooms/files.rs"]
 mod files;
+#[path = "rooms/layers.rs"]
+mod layers;
 
 /// A room must not import another.
 struct Wall {
@@ -274,21 +276,40 @@ fn imports_are_found_however_they_are_written() {
     assert_eq!(found(source), names(["colors", "scene", "style"]));
 }
 
+/// The names of a crate's root: its public modules, and what it takes from modules and from other crates.
+fn root_names(lib: &str) -> BTreeSet<String> {
+    let tokens = tokens(lib);
+    let mut paths = BTreeSet::new();
+    for at in 1..tokens.len() {
+        if tokens[at - 1] == "pub" && ["use", "mod"].contains(&tokens[at].as_str()) {
+            tree_paths(&tokens, at + 1, &[], &mut paths);
+        }
+    }
+    // A prelude may repeat the root.
+    paths.into_iter().filter(|path| path[0] != "crate").filter_map(|mut path| path.pop()).collect()
+}
+
+/// More names than one reads before one uses the plugin belong in modules.
+#[test]
+fn the_root_of_the_plugin_has_few_names() {
+    let lib = Path::new(env!("CARGO_MANIFEST_DIR")).join(PLUGIN).join("lib.rs");
+    let names = root_names(&fs::read_to_string(lib).unwrap());
+    assert!(names.contains("StyleGaussianPlugin") && names.contains("prelude"), "{names:?}");
+    assert!(names.len() <= 30, "{} names: {names:?}", names.len());
+}
+
 /// The most files that may import one another in a circle. Two or three are a module and its parts; more is a
 /// room whose parts cannot be read alone.
 const LARGEST_CIRCLE: usize = 3;
 
-/// Folders of the crates that have more than a few files.
-const CRATES: [&str; 8] = [
-    PLUGIN,
-    GPU,
-    MODEL,
-    FILES,
-    "crates/stylegaussian_encoder/src",
-    "crates/stylegaussian_train/src",
-    "crates/stylegaussian_cli/src",
-    "crates/stylegaussian_bench/src",
-];
+/// The folders of all crates, relative to the repository.
+fn crate_folders() -> Vec<PathBuf> {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let entries = fs::read_dir(repository.join("crates")).unwrap();
+    let names = entries.map(|entry| Path::new("crates").join(entry.unwrap().file_name()));
+    let is_crate = |folder: &PathBuf| repository.join(folder).join("Cargo.toml").is_file();
+    names.chain([PathBuf::from("shaders")]).filter(is_crate).collect()
+}
 
 /// Paths that a file names relative to itself: those that begin with one of its own modules, as in
 /// `pub use wish::Wish`.
@@ -399,8 +420,9 @@ fn circles(imports: &BTreeMap<ModulePath, BTreeSet<ModulePath>>) -> BTreeSet<BTr
 fn no_circle_of_imports_is_large() {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut large = Vec::new();
-    for folder in CRATES {
-        let modules = modules_of(&repository.join(folder));
+    for folder in crate_folders() {
+        let modules = modules_of(&repository.join(&folder).join("src"));
+        let folder = folder.display();
         assert!(!modules.is_empty(), "{folder} has no sources");
         let read =
             |(module, path): (&ModulePath, &PathBuf)| (module.clone(), fs::read_to_string(path).unwrap());

@@ -9,8 +9,8 @@ mod world;
 use bevy::{camera::Viewport, core_pipeline::tonemapping::Tonemapping, prelude::*};
 // `world` is written for the plugin's own tests and finds these names in its crate.
 use bevy_stylegaussian::{
-    GaussianScene, GaussianSplats, StyleGaussianPlugin, StyleStatistics, StyleThreads,
-    style::{self, decoder::StyleBackend},
+    GaussianScene, GaussianSplats, StyleGaussianPlugin, StyleThreads,
+    style::{self, StyleStatistics, decoder::StyleBackend},
 };
 use stereo::OffAxis;
 use world::{add_scene, rendering::*, small_scene};

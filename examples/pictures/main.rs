@@ -24,7 +24,7 @@ use bevy::{
     },
     time::TimeUpdateStrategy,
 };
-use bevy_stylegaussian::{StyleStatistics, prelude::*};
+use bevy_stylegaussian::{prelude::*, style::StyleStatistics};
 use image::{RgbImage, codecs::jpeg::JpegEncoder, imageops};
 
 #[path = "../backdrop/mod.rs"]

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf, absolute};
 
 use bevy::{prelude::*, window::FileDragAndDrop};
 use bevy_stylegaussian::{
-    GaussianScene, GaussianSplats, StyleMask,
+    GaussianScene, GaussianSplats,
+    mask::StyleMask,
     style::StylePin,
     stylegaussian::paint::Pin,
     stylegaussian_files::{read_pins, readable_extensions},

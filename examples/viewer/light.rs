@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_egui::egui::{Checkbox, Grid, Slider, Ui};
-use bevy_stylegaussian::{SplatCuts, SplatTint};
+use bevy_stylegaussian::{SplatTint, splats::SplatCuts};
 use stylegaussian_app::{Orbit, Subject};
 
 use crate::scene::ShownScene;

@@ -10,10 +10,11 @@ use bevy::{
 };
 use bevy_egui::{EguiContexts, EguiTextureHandle, egui};
 use bevy_stylegaussian::{
-    GaussianBudget, GaussianSceneFailed, GaussianWorldFailed, StyleApplied, StyleFailed, StyleMask,
+    GaussianSceneFailed, StyleApplied, StyleFailed,
+    mask::StyleMask,
     style::{StyleProgress, StyleRefined, decoder::StyleBackend},
     stylegaussian_files::writable_extensions,
-    world::WorldState,
+    world::{GaussianBudget, GaussianWorldFailed, WorldState},
 };
 use egui::{
     Color32, ComboBox, Grid, LayerId, ProgressBar, RichText, ScrollArea, Slider, TextEdit, Ui, UiBuilder,

@@ -3,8 +3,8 @@
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
-    MaskVisibility, StyleMask, StyleSource, StyleVolume,
-    mask::StyleMaskFailed,
+    StyleSource, StyleVolume,
+    mask::{MaskVisibility, StyleMask, StyleMaskFailed},
     style::VolumeStrokes,
     stylegaussian::{
         layers::Region,

@@ -8,7 +8,8 @@ use bevy::{
     tasks::{Task, futures::check_ready},
 };
 use bevy_stylegaussian::{
-    AppliedStyle, GaussianScene, GaussianSplats, StyleMask,
+    AppliedStyle, GaussianScene, GaussianSplats,
+    mask::StyleMask,
     stylegaussian::paint::{Pin, StoredPins},
     stylegaussian_files::{write_mask, write_pins, write_scene},
 };

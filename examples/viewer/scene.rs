@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
-    GaussianScene, GaussianSplats, GaussianWorld, StyleMask, StyleSource, StyleTransition,
+    GaussianScene, GaussianSplats, GaussianWorld, StyleSource, StyleTransition, mask::StyleMask,
     style::StylePrepare, stylegaussian_files::world::FILE, world::WorldManifest,
 };
 use stylegaussian_app::{Framing, Orbit, Subject, loaded_asset};

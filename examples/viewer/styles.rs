@@ -7,8 +7,8 @@ use std::{
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
-    StyleLook, StyleRefine, StyleSource,
-    style::{StyleInput, StyleMotion, StylePalette, StylePin, WeightedStyle},
+    StyleSource,
+    style::{StyleInput, StyleLook, StyleMotion, StylePalette, StylePin, StyleRefine, WeightedStyle},
     stylegaussian::paint::Hand,
 };
 use stylegaussian_app::{Subject, relief_lit_from};

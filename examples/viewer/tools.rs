@@ -3,8 +3,8 @@
 use bevy::{ecs::system::SystemParam, prelude::*};
 use bevy_egui::input::EguiWantsInput;
 use bevy_stylegaussian::{
-    SplatRayCast, StyleMask,
-    mask::lasso_in_view,
+    SplatRayCast,
+    mask::{StyleMask, lasso_in_view},
     style::StylePin,
     stylegaussian::{
         layers::{Region, Shape},

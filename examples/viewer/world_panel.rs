@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_egui::egui::{Grid, Slider, Ui};
-use bevy_stylegaussian::{GaussianBudget, world::WorldState};
+use bevy_stylegaussian::world::{GaussianBudget, WorldState};
 use stylegaussian_app::Subject;
 
 use crate::panel::Transfer;

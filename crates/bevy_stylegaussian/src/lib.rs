@@ -8,7 +8,8 @@
 //!     App::new()
 //!         .add_plugins((DefaultPlugins, StyleGaussianPlugin::default()))
 //!         .add_systems(Startup, |mut commands: Commands, assets: Res<AssetServer>| {
-//!             commands.spawn(Camera3d::default());
+//!             // Splats have soft edges, so multisampling would only take time.
+//!             commands.spawn((Camera3d::default(), Msaa::Off));
 //!             commands.spawn((
 //!                 GaussianSplats(assets.load("garden.ply")),
 //!                 StyleSource::image(assets.load("starry.jpg")),
@@ -19,30 +20,31 @@
 //! ```
 //!
 //! - Components of scenes: [`GaussianSplats`] shows a [`GaussianScene`] (`.sgs`, or a capture in another
-//!   format). [`StyleSource`] paints it in the strokes of images, by [`StyleStatistics`]
-//!   (`.style.safetensors`), by a baked [`StyleLook`] (`.look.safetensors`), or by a mix; change it at any
-//!   time. [`StyleLiving`](style::StyleLiving) lets strokes follow an image that changes. [`StyleTransition`]
-//!   fades from one style to the next. `StyleRefine` bakes a shown style further in the background,
+//!   format). [`StyleSource`] paints it in the strokes of images, by
+//!   [`StyleStatistics`](style::StyleStatistics) (`.style.safetensors`), by a baked
+//!   [`StyleLook`](style::StyleLook) (`.look.safetensors`), or by a mix; change it at any time.
+//!   [`StyleLiving`](style::StyleLiving) lets strokes follow an image that changes. [`StyleTransition`] fades
+//!   from one style to the next. `StyleRefine` bakes a shown style further in the background,
 //!   [`StylePrepare`](style::StylePrepare) prepares a loaded scene for the first.
-//!   [`StyleMask`] holds weights that are painted at run time, and [`MaskVisibility`] hides painted splats or
-//!   crops to them. [`SplatTint`] changes the colors of all of it at once, and
-//!   [`SplatShadows`] lets shadows fall on it, and [`SplatCaster`] lets it cast shadows.
+//!   [`StyleMask`](mask::StyleMask) holds weights that are painted at run time, and
+//!   [`MaskVisibility`](mask::MaskVisibility) hides painted splats or crops to them. [`SplatTint`] changes the
+//!   colors of all of it at once, [`SplatShadows`](splats::SplatShadows) lets shadows fall on it, and
+//!   [`SplatCaster`](splats::SplatCaster) lets it cast them.
 //! - Worlds: [`GaussianWorld`] shows a capture that is larger than a GPU, at levels of detail that follow the
 //!   cameras.
 //! - Components of meshes and of skies, with the feature `meshes`: `StyledMesh` and `StyledSky` paint them as a
 //!   capture beside them is.
-//! - Components of cameras: [`SplatTonemapping`], [`SplatSortKey`], [`SplatDepth`], [`SplatEyes`],
-//!   [`SplatCuts`]; Bevy's `DistanceFog` reaches splats, too.
+//! - Components of cameras: those of [`splats`]; Bevy's `DistanceFog` reaches splats, too.
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
-//! - Resources: [`StyleMethod`](style::StyleMethod), [`StyleThreads`], [`GaussianBudget`], and those of the
-//!   [decoder](style::decoder).
+//! - Resources: [`StyleMethod`](style::StyleMethod), [`StyleThreads`],
+//!   [`GaussianBudget`](world::GaussianBudget), and those of the [decoder](style::decoder).
 //! - Events, as messages and for observers: [`GaussianSceneReady`], [`GaussianSceneFailed`],
-//!   [`GaussianWorldFailed`], [`StyleRecolored`](style::StyleRecolored), [`StyleApplied`], `StyleRefined`,
-//!   [`StyleFailed`], [`StyleMaskFailed`](mask::StyleMaskFailed). The component [`AppliedStyle`] holds the
-//!   style that an entity shows, and can save the styled scene.
+//!   [`GaussianWorldFailed`](world::GaussianWorldFailed), [`StyleRecolored`](style::StyleRecolored),
+//!   [`StyleApplied`], `StyleRefined`, [`StyleFailed`], [`StyleMaskFailed`](mask::StyleMaskFailed). The
+//!   component [`AppliedStyle`] holds the style that an entity shows, and can save the styled scene.
 //!
 //! The root has what most games name. The rest is in modules: [`scene`], [`style`] with its
-//! [`decoder`](style::decoder), [`mask`], [`picking`] and [`world`].
+//! [`decoder`](style::decoder), [`splats`], [`mask`], [`picking`] and [`world`].
 //!
 //! Scene files and saved games: Bevy's serializers save and load all of these components but [`AppliedStyle`],
 //! which the plugin computes again. Assets are saved by their path, so one that a program made is not; masks
@@ -83,7 +85,7 @@ pub mod picking;
 mod plugin;
 mod reports;
 pub mod scene;
-mod splats;
+pub mod splats;
 pub mod style;
 mod systems;
 #[cfg(test)]
@@ -92,8 +94,6 @@ mod work;
 pub mod world;
 
 pub use colors::{GaussianSceneReady, SplatTint};
-#[doc(inline)]
-pub use mask::{MaskVisibility, StyleMask};
 #[cfg(feature = "meshes")]
 pub use meshes::{StyledMesh, StyledSky};
 #[doc(inline)]
@@ -101,21 +101,14 @@ pub use picking::SplatRayCast;
 pub use plugin::StyleGaussianPlugin;
 #[doc(inline)]
 pub use scene::{FitScene, GaussianScene, GaussianSceneFailed, GaussianSplats};
-pub use splats::{
-    SplatCaster, SplatCuts, SplatDepth, SplatEyes, SplatShadows, SplatSortKey, SplatTonemapping,
-};
-#[cfg(feature = "refine")]
-#[doc(inline)]
-pub use style::StyleRefine;
 #[doc(inline)]
 pub use style::{
-    AppliedStyle, HiddenUntilStyled, StyleApplied, StyleFailed, StyleLook, StyleSource, StyleStatistics,
-    StyleTransition, StyleVolume,
+    AppliedStyle, HiddenUntilStyled, StyleApplied, StyleFailed, StyleSource, StyleTransition, StyleVolume,
 };
 pub use systems::StyleGaussianSystems;
 pub use work::StyleThreads;
 #[doc(inline)]
-pub use world::{GaussianBudget, GaussianWorld, GaussianWorldFailed};
+pub use world::GaussianWorld;
 
 /// The model crate: the types inside of assets, such as [`stylegaussian::Scene`].
 pub use stylegaussian;
@@ -135,26 +128,23 @@ pub use stylegaussian_files;
 pub mod prelude {
     #[cfg(feature = "picking")]
     pub use crate::picking::{SplatPickingCamera, SplatPickingPlugin, SplatPickingSettings};
+    #[cfg(feature = "refine")]
+    pub use crate::style::{StyleRefine, StyleRefined};
     pub use crate::{
         AppliedStyle, FitScene, GaussianScene, GaussianSceneFailed, GaussianSceneReady, GaussianSplats,
-        HiddenUntilStyled, MaskVisibility, SplatCaster, SplatCuts, SplatDepth, SplatEyes, SplatRayCast,
-        SplatShadows, SplatSortKey, SplatTint, SplatTonemapping, StyleApplied, StyleFailed,
-        StyleGaussianPlugin, StyleMask, StyleSource, StyleTransition, StyleVolume,
-        mask::{SavedMask, StyleMaskFailed},
+        HiddenUntilStyled, SplatRayCast, SplatTint, StyleApplied, StyleFailed, StyleGaussianPlugin,
+        StyleSource, StyleTransition, StyleVolume,
+        mask::{MaskVisibility, SavedMask, StyleMask, StyleMaskFailed},
         picking::SplatHit,
+        splats::{
+            SplatCaster, SplatCuts, SplatDepth, SplatEyes, SplatShadows, SplatSortKey, SplatTonemapping,
+        },
         style::{
             StyleInput, StyleLiving, StyleMethod, StylePrepare, StyleRecolored, TransitionClock,
             TransitionShape,
         },
         world::{GaussianBudget, GaussianWorld, GaussianWorldFailed, WorldManifest, WorldPart, WorldState},
     };
-    #[cfg(feature = "refine")]
-    pub use crate::{StyleRefine, style::StyleRefined};
     #[cfg(feature = "meshes")]
     pub use crate::{StyledMesh, StyledSky};
 }
-
-/// The examples of the repository's README, as doc tests.
-#[cfg(doctest)]
-#[doc = include_str!("../../../README.md")]
-mod readme {}

@@ -7,7 +7,7 @@ use bevy::{
         settings::RenderCreation,
     },
 };
-use bevy_stylegaussian::{GaussianBudget, GaussianSplats, GaussianWorld};
+use bevy_stylegaussian::{GaussianSplats, GaussianWorld, world::GaussianBudget};
 use stylegaussian_app::Subject;
 
 use crate::bridge::{self, Event};

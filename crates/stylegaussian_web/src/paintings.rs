@@ -9,7 +9,10 @@ use bevy::{
     prelude::*,
     render::render_resource::{Extent3d, TextureDimension, TextureFormat},
 };
-use bevy_stylegaussian::{StyleStatistics, style::StyleInput, stylegaussian_files::style_from_bytes};
+use bevy_stylegaussian::{
+    style::{StyleInput, StyleStatistics},
+    stylegaussian_files::style_from_bytes,
+};
 use js_sys::Uint8Array;
 use wasm_bindgen::JsValue;
 

@@ -2,8 +2,8 @@
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
-    StyleSource, StyleStatistics,
-    style::{StyleInput, StyleMethod, StyleMotion, decoder::StyleBudget},
+    StyleSource,
+    style::{StyleInput, StyleMethod, StyleMotion, StyleStatistics, decoder::StyleBudget},
 };
 use js_sys::{Array, Float32Array};
 use stylegaussian_app::{Arrival, Arrivals, Subject, relief_lit_from};

@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
-    GaussianBudget, GaussianSplats, GaussianWorld, GaussianWorldFailed, StyleSource,
+    GaussianSplats, GaussianWorld, StyleSource,
     style::WeightedStyle,
-    world::{WorldManifest, WorldState},
+    world::{GaussianBudget, GaussianWorldFailed, WorldManifest, WorldState},
 };
 use stylegaussian_app::{Framing, Orbit, Subject};
 

@@ -39,7 +39,7 @@ Usage: cargo xtask <COMMAND>
   web      the page for browsers in web/dist: [--test] tests it in Chromium, [--serve] serves it on localhost, \
            [--example NAME] builds
            an example instead
-  package  the published crates, packed, and each built from its package in target/packages; takes long";
+  package  the published crates: packs each, builds it from its package, and builds its docs; takes long";
 
 fn main() -> ExitCode {
     match run() {

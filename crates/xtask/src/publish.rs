@@ -1,4 +1,5 @@
-//! `cargo xtask package`: packs the published crates, and builds each from its package.
+//! `cargo xtask package`: packs the published crates, builds each from its package, and builds their
+//! documentation.
 //!
 //! Uncommitted changes are packed too, except on CI, where cargo requires a clean tree.
 
@@ -9,7 +10,7 @@ use std::{
     time::UNIX_EPOCH,
 };
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 
 use crate::{
     files::fresh_folder,
@@ -17,10 +18,10 @@ use crate::{
 };
 
 /// Packs the published crates and builds each from its package. The packages of the others take the place of a
-/// registry's.
+/// registry's. Then builds their documentation, from the workspace.
 ///
 /// # Errors
-/// If a crate cannot be packed or built.
+/// If a crate cannot be packed or built, or its documentation has warnings.
 pub fn run() -> Result<()> {
     let mut steps = Steps::default();
     let mut command = package()?;
@@ -33,6 +34,7 @@ pub fn run() -> Result<()> {
         ensure!(status.success(), "the messages of `cargo package` are above");
         Ok(())
     });
+    let outcome = outcome.and_then(|()| docs(&mut steps));
     steps.print_summary();
     outcome?;
     println!("\nTo publish what was built: cargo publish --locked --workspace --no-verify");
@@ -68,18 +70,101 @@ fn package() -> Result<Command> {
     Ok(command)
 }
 
-/// The packages with `publish = false` in their manifest: the workspace's own, and crates. Crates are named
-/// like their folders.
+/// The packages that are not published: the workspace's own, and crates.
 fn unpublished() -> Result<Vec<String>> {
     let mut names = vec![String::from("stylegaussian_workspace")];
-    for entry in fs::read_dir("crates").context("cannot list crates/")? {
-        let folder = entry.context("cannot list crates/")?.path();
-        let manifest = folder.join("Cargo.toml");
-        let Ok(text) = fs::read_to_string(&manifest) else { continue };
-        if text.lines().any(|line| line.trim() == "publish = false") {
-            names.extend(folder.file_name().map(|name| name.to_string_lossy().into_owned()));
-        }
+    for (_, manifest) in crates()?.iter().filter(|(_, manifest)| !is_published(manifest)) {
+        names.push(name(manifest)?.into());
     }
     names.sort();
     Ok(names)
+}
+
+/// Folders and manifests of the crates.
+fn crates() -> Result<Vec<(PathBuf, String)>> {
+    let mut folders = vec![PathBuf::from("shaders")];
+    for entry in fs::read_dir("crates").context("cannot list crates/")? {
+        folders.push(entry.context("cannot list crates/")?.path());
+    }
+    folders.sort();
+    // A folder without a manifest is no crate.
+    let with_manifest =
+        |folder: PathBuf| Some((folder.clone(), fs::read_to_string(folder.join("Cargo.toml")).ok()?));
+    Ok(folders.into_iter().filter_map(with_manifest).collect())
+}
+
+fn is_published(manifest: &str) -> bool {
+    manifest.lines().all(|line| line.trim() != "publish = false")
+}
+
+/// The name of a package, the first of its manifest.
+fn name(manifest: &str) -> Result<&str> {
+    let mut lines = manifest.lines();
+    let name = lines.find_map(|line| line.strip_prefix("name = \"")?.strip_suffix('"'));
+    name.context("a manifest has no line `name = \"...\"`")
+}
+
+/// Builds the documentation of the published crates as docs.rs does: each by itself, with the features that its
+/// manifest says. Warnings are errors. The target is this machine's, whatever the manifest says.
+fn docs(steps: &mut Steps) -> Result<()> {
+    for (folder, manifest) in crates()? {
+        // A program alone has no page.
+        if is_published(&manifest) && folder.join("src").join("lib.rs").is_file() {
+            let name = name(&manifest)?;
+            let mut doc = cargo(["doc", "--locked", "--no-deps", "--package", name]);
+            doc.args(docs_arguments(&manifest)?).env("RUSTDOCFLAGS", "-D warnings");
+            steps.run(&format!("docs of {name}"), &mut doc)?;
+        }
+    }
+    Ok(())
+}
+
+/// Arguments of `cargo doc` for a manifest's table `[package.metadata.docs.rs]`.
+fn docs_arguments(manifest: &str) -> Result<Vec<String>> {
+    let lines = manifest.lines().skip_while(|line| *line != "[package.metadata.docs.rs]").skip(1);
+    let mut arguments = Vec::new();
+    for line in lines.take_while(|line| !line.starts_with('[')).filter(|line| line.contains('=')) {
+        match line.split_once(" = ") {
+            Some(("targets", _)) => {}
+            Some((key @ ("all-features" | "no-default-features"), "true")) => {
+                arguments.push(format!("--{key}"));
+            }
+            Some(("features", list)) => {
+                let names = list.trim_matches(['[', ']']).replace(['"', ' '], "");
+                arguments.extend([String::from("--features"), names]);
+            }
+            _ => bail!(
+                "[package.metadata.docs.rs] has `{line}`, expected `targets`, `all-features = true`, \
+                 `no-default-features = true` or `features` on one line"
+            ),
+        }
+    }
+    Ok(arguments)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn docs_have_the_features_of_the_manifest() {
+        let arguments = |settings: &str| {
+            let table = format!("[package.metadata.docs.rs]\n{settings}\n");
+            docs_arguments(&format!("[package]\nname = \"a\"\n\n{table}\n[features]\nfeatures = []\n"))
+        };
+        assert_eq!(arguments("all-features = true\ntargets = [\"x\"]").unwrap(), ["--all-features"]);
+        let some = "no-default-features = true\nfeatures = [\"b\", \"c\"]";
+        assert_eq!(arguments(some).unwrap(), ["--no-default-features", "--features", "b,c"]);
+        assert!(arguments("").unwrap().is_empty());
+        assert!(docs_arguments("[package]\nname = \"a\"\n").unwrap().is_empty());
+        assert!(arguments("all-features = false").is_err());
+    }
+
+    #[test]
+    fn crates_are_named_by_their_manifest() {
+        let manifest = "[package]\nname = \"a\"\n\n[[bin]]\nname = \"b\"\n";
+        assert_eq!(name(manifest).unwrap(), "a");
+        assert!(is_published(manifest));
+        assert!(!is_published("[package]\npublish = false\n"));
+    }
 }

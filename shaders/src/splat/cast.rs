@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{CHUNK, FOOTPRINT, ONE_EYE, RECORDS, mask, source};
+use super::text::{CHUNK, FOOTPRINT, ONE_EYE, RECORDS, mask, source};
 use crate::Source;
 
 /// Finds cores, those of clouds with a mask or of clouds without.

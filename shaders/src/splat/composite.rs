@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{light, source};
+use super::{light, text::source};
 use crate::Source;
 
 /// The layers that the composite reads, and its target.

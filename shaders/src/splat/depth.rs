@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::{
-    QUADS, RECORDS, source,
+    text::{QUADS, RECORDS, source},
     tiles::{ROWS, TILES},
 };
 use crate::{Source, constants};

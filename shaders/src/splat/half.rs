@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::source;
+use super::text::source;
 use crate::Source;
 
 const HALF: &str = include_str!("../../wgsl/splat_half.wgsl");

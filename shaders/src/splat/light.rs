@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use stylegaussian::light as twin;
 
-use super::{RECORDS, source};
+use super::text::{RECORDS, source};
 use crate::{Layout, Source, constants, float_constants, layers, layout};
 
 /// From display-referred colors to light.

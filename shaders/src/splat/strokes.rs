@@ -3,7 +3,11 @@
 use bytemuck::{Pod, Zeroable};
 use stylegaussian::{palette::LUMINANCE, strokes as twin};
 
-use super::{CHUNK, QUADS, RECORDS, SplatChunk, source, tiles::blend};
+use super::{
+    chunk::SplatChunk,
+    text::{CHUNK, QUADS, RECORDS, source},
+    tiles::blend,
+};
 use crate::{Source, constants, float_constants};
 
 const MOTION: &str = include_str!("../../wgsl/splat_stroke_motion.wgsl");

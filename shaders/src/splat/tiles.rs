@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{RECORDS, source};
+use super::text::{RECORDS, source};
 use crate::Source;
 
 pub(super) const ROWS: &str = include_str!("../../wgsl/splat_tiles_rows.wgsl");

@@ -9,7 +9,7 @@ use stylegaussian_files::mask_from_bytes;
 use crate::loader::FromFile;
 
 /// A mask of one scene: `.mask.safetensors`, as [`stylegaussian_files::write_mask`] writes it. Show it with
-/// [`StyleMask::saved`](crate::StyleMask::saved).
+/// [`StyleMask::saved`](crate::mask::StyleMask::saved).
 #[derive(Asset, Clone, Debug, Reflect)]
 #[reflect(opaque)]
 #[reflect(Clone, Debug)]

@@ -14,8 +14,8 @@ use crate::work::Workers;
 /// Casts rays at splats, as Bevy's `MeshRayCast` does at meshes.
 ///
 /// A ray hits where half of its light is gone, by the alpha of the draw: see [`stylegaussian::raycast`]. It
-/// passes what a [`MaskVisibility`](crate::MaskVisibility) has hidden since the last frame. A system that casts
-/// rays may paint a [`StyleMask`](crate::StyleMask), too.
+/// passes what a [`MaskVisibility`](crate::mask::MaskVisibility) has hidden since the last frame. A system that
+/// casts rays may paint a [`StyleMask`](crate::mask::StyleMask), too.
 ///
 /// A scene's Gaussians are indexed in the background when the first ray asks for it, which takes some tenths of
 /// a second for a large scene. Until then rays pass it: call [`prepare`](Self::prepare) early.
@@ -130,7 +130,11 @@ mod tests {
     use stylegaussian::mask::Brush;
 
     use super::*;
-    use crate::{GaussianSplats, MaskVisibility, StyleMask, tests::world::*};
+    use crate::{
+        GaussianSplats,
+        mask::{MaskVisibility, StyleMask},
+        tests::world::*,
+    };
 
     #[derive(Resource)]
     struct Asked(Ray3d);

@@ -33,6 +33,6 @@ pub enum SplatSortKey {
     #[default]
     ViewZ,
     /// Distance from the camera, which does not change if the camera turns. Use it for scenes that were
-    /// trained with it (glTF's `KHR_gaussian_splatting`). Two eyes have [`SplatEyes`](crate::SplatEyes).
+    /// trained with it (glTF's `KHR_gaussian_splatting`). Two eyes have [`SplatEyes`](super::SplatEyes).
     Distance,
 }

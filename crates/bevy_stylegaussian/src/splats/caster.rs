@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use stylegaussian::splat::CAST_THRESHOLD;
 
 /// Lets a [`GaussianSplats`](crate::GaussianSplats) cast shadows: into the shadow maps of directional lights,
-/// spot lights and point lights, so on meshes, and on splats with [`SplatShadows`](crate::SplatShadows). A
+/// spot lights and point lights, so on meshes, and on splats with [`SplatShadows`](super::SplatShadows). A
 /// component of the entity; without it, splats cast none. It needs the feature `pbr`.
 ///
 /// A splat takes the light where its alpha is `threshold` or more, and none elsewhere. So surfaces cast
@@ -20,7 +20,7 @@ use stylegaussian::splat::CAST_THRESHOLD;
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// # use bevy_stylegaussian::SplatCaster;
+/// # use bevy_stylegaussian::splats::SplatCaster;
 /// # fn system(mut commands: Commands, garden: Entity) {
 /// commands.entity(garden).insert(SplatCaster::default());
 /// # }

@@ -21,8 +21,8 @@ pub struct SplatCuts {
     /// once with MSAA, too. They become as soft as pixels of twice the size are, and keep their light; strokes
     /// lose what is finer. Meshes keep their edges, before splats and behind them: each pixel takes the splats
     /// of the surface that it shows. It takes 3 bytes more per pixel of the target, and one more pass over it,
-    /// which is little beside splats that overlap many times. Depth of [`SplatDepth`](crate::SplatDepth) has
-    /// steps of two pixels. Of two [eyes](crate::SplatEyes), both have it, or each is drawn by itself.
+    /// which is little beside splats that overlap many times. Depth of [`SplatDepth`](super::SplatDepth) has
+    /// steps of two pixels. Of two [eyes](super::SplatEyes), both have it, or each is drawn by itself.
     pub half_size: bool,
 }
 

@@ -11,7 +11,7 @@ use super::view::ViewSplats;
 /// The other eye of the same head: another camera. A component of one of the two cameras, or of both.
 ///
 /// The two share all that does not depend on the eye: which splats are seen, their colors, and their order, by
-/// the distance from the middle between the eyes ([`SplatSortKey`](crate::SplatSortKey) has no effect). Each
+/// the distance from the middle between the eyes ([`SplatSortKey`](super::SplatSortKey) has no effect). Each
 /// splat then has one color and one place in the order for both eyes. Each eye keeps its own projection, off
 /// axis or not, its own viewport and its own target, such as a texture of a headset's runtime
 /// (`ManualTextureViews`), and is drawn from where the render world has it before views are prepared.

@@ -32,7 +32,7 @@ use super::{
 };
 
 /// Lets shadows fall on a [`GaussianSplats`](crate::GaussianSplats): splats in the shadow of meshes, and of
-/// splats with [`SplatCaster`](crate::SplatCaster), become darker, as a whole each. A component of the entity;
+/// splats with [`SplatCaster`](super::SplatCaster), become darker, as a whole each. A component of the entity;
 /// without it, splats stay as they were captured. It needs the feature `pbr`.
 ///
 /// Shadows of the game's first directional light with shadow maps fall, and those of the eight spot lights and
@@ -42,7 +42,7 @@ use super::{
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// # use bevy_stylegaussian::SplatShadows;
+/// # use bevy_stylegaussian::splats::SplatShadows;
 /// # fn system(mut commands: Commands, garden: Entity) {
 /// commands.entity(garden).insert(SplatShadows { amount: 0.6 });
 /// # }

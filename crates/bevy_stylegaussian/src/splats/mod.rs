@@ -1,9 +1,14 @@
-//! Splats: drawing scenes, in the colors of [`crate::colors`], into the views of cameras.
+//! Splats: how scenes are drawn, whatever their style.
 //!
-//! Each frame plans the views ([`view`]), finds their light ([`light`]) and builds missing pipelines in the
-//! background ([`pipelines`]). Splats that cast shadows are drawn into the maps of lights (`cast`). Each camera
-//! then runs the splat pass ([`pass`]), and writes depth if it is asked for ([`depth`]). Styles are none of
-//! this room's business.
+//! - Components of cameras: [`SplatTonemapping`] and [`SplatSortKey`] say how their colors and their order come
+//!   about, [`SplatCuts`] what is left out on weak GPUs. [`SplatDepth`] writes depth. [`SplatEyes`] makes two
+//!   cameras the eyes of one head.
+//! - Components of scenes: [`SplatShadows`] and [`SplatCaster`].
+
+// The colors are those of `crate::colors`. Each frame plans the views (`view`), finds their light (`light`) and
+// builds missing pipelines in the background (`pipelines`). Splats that cast shadows are drawn into the maps of
+// lights (`cast`). Each camera then runs the splat pass (`pass`), and writes depth if it is asked for
+// (`depth`). Styles are none of this room's business.
 
 use bevy::{
     core_pipeline::{

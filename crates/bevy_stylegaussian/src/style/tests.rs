@@ -15,10 +15,11 @@ use stylegaussian_files::{read_scene, read_style, write_look};
 use stylegaussian_gpu::splat::CloudColors;
 
 use crate::{
-    GaussianScene, GaussianSplats, StyleApplied, StyleLook, StyleSource, StyleTransition,
+    GaussianScene, GaussianSplats, StyleApplied, StyleSource, StyleTransition,
     colors::ShownColors,
     loader::FromFile,
     style::{
+        StyleLook,
         decoder::{StyleBackend, StyleBudget},
         make::job::{StyleJob, StyleJobs},
         pass::StylePasses,

@@ -12,7 +12,8 @@ use bevy::{
 };
 
 use crate::{
-    GaussianSceneReady, SplatDepth, SplatShadows, SplatTint, SplatTonemapping, StyleVolume, splats::Held,
+    GaussianSceneReady, SplatTint, StyleVolume,
+    splats::{Held, SplatDepth, SplatShadows, SplatTonemapping},
 };
 
 use super::{

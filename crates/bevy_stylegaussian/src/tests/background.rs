@@ -19,9 +19,9 @@ use stylegaussian::{Look, Scene, look::MadeFrom};
 use stylegaussian_files::{read_scene, write_scene};
 
 use crate::{
-    AppliedStyle, GaussianScene, GaussianSplats, StyleGaussianPlugin, StyleLook, StyleSource,
+    AppliedStyle, GaussianScene, GaussianSplats, StyleGaussianPlugin, StyleSource,
     scene::{GpuScenes, LoadedScene},
-    style::{StyleProgress, decoder::StyleBackend},
+    style::{StyleLook, StyleProgress, decoder::StyleBackend},
     work::{Lane, Workers},
 };
 
@@ -137,7 +137,7 @@ fn a_despawned_entitys_painting_is_painted_no_further() {
 #[test]
 #[cfg(all(feature = "bundled_models", feature = "refine"))]
 fn a_bake_that_is_not_wanted_any_more_stops() {
-    use crate::StyleRefine;
+    use crate::style::StyleRefine;
 
     let mut app = app_without_rendering();
     let splats = GaussianSplats(add_scene(&mut app, demo()));

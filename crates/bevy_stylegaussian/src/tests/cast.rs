@@ -7,10 +7,7 @@ use bevy::{
 };
 use stylegaussian::Scene;
 
-use crate::{
-    SplatCaster, SplatShadows,
-    splats::{Held, SplatFade},
-};
+use crate::splats::{Held, SplatCaster, SplatFade, SplatShadows};
 
 use super::{
     pictures::{EYE, RED, Studio, pixel},

@@ -6,7 +6,7 @@ use bevy::{camera::Hdr, core_pipeline::tonemapping::Tonemapping, prelude::*};
 use stylegaussian::{Camera, Scene, splat};
 use stylegaussian_files::read_scene;
 
-use crate::{GaussianSplats, SplatTonemapping, style::decoder::StyleBackend};
+use crate::{GaussianSplats, splats::SplatTonemapping, style::decoder::StyleBackend};
 
 use super::world::{rendering::*, *};
 

@@ -8,7 +8,7 @@ use bevy::{
     render::{RenderApp, renderer::RenderDevice},
 };
 
-use crate::{SplatDepth, splats::Held};
+use crate::splats::{Held, SplatDepth};
 
 use super::{
     pictures::{EYE, GREEN, RED, SIZE, Studio, pixel},

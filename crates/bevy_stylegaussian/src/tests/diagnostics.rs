@@ -8,7 +8,8 @@ use bevy::{
 };
 
 use crate::{
-    GaussianSplats, SplatTonemapping, StyleGaussianPlugin, StyleSource,
+    GaussianSplats, StyleGaussianPlugin, StyleSource,
+    splats::SplatTonemapping,
     style::decoder::{StyleBackend, StyleBudget},
 };
 

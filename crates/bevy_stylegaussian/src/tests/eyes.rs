@@ -7,7 +7,7 @@ use bevy::{
     render::RenderApp,
 };
 
-use crate::{SplatCuts, SplatDepth, SplatEyes, SplatSortKey, SplatTonemapping, splats::Held};
+use crate::splats::{Held, SplatCuts, SplatDepth, SplatEyes, SplatSortKey, SplatTonemapping};
 
 use super::{
     pictures::{EYE, SIZE, Studio, check_picture, reference, translucent},

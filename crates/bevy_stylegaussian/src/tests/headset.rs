@@ -17,7 +17,7 @@ use bevy::{
 };
 use stylegaussian::Camera as Pinhole;
 
-use crate::{SplatEyes, SplatSortKey};
+use crate::splats::{SplatEyes, SplatSortKey};
 
 use super::{
     pictures::{EYE, FOV_Y, SIZE, Studio, check_picture, rasterized, translucent},

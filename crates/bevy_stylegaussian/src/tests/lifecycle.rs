@@ -22,8 +22,10 @@ use stylegaussian::{
 use stylegaussian_files::write_scene;
 
 use crate::{
-    GaussianScene, GaussianSceneFailed, GaussianSplats, MaskVisibility, StyleApplied, StyleFailed,
-    StyleGaussianPlugin, StyleMask, StyleSource, StyleTransition, style::decoder::StyleBackend,
+    GaussianScene, GaussianSceneFailed, GaussianSplats, StyleApplied, StyleFailed, StyleGaussianPlugin,
+    StyleSource, StyleTransition,
+    mask::{MaskVisibility, StyleMask},
+    style::decoder::StyleBackend,
 };
 
 use super::{

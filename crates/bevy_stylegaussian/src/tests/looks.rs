@@ -7,9 +7,9 @@ use stylegaussian::{Look, Scene, look::MadeFrom};
 use stylegaussian_files::{read_scene, write_look, write_scene};
 
 use crate::{
-    AppliedStyle, GaussianSplats, StyleApplied, StyleFailed, StyleLook, StyleSource, StyleTransition,
+    AppliedStyle, GaussianSplats, StyleApplied, StyleFailed, StyleSource, StyleTransition,
     style::{
-        StyleInput,
+        StyleInput, StyleLook,
         decoder::{StyleBackend, StyleDecoder},
     },
 };

@@ -22,8 +22,11 @@ use stylegaussian::{
 use stylegaussian_files::{read_scene, write_mask, write_scene};
 
 use crate::{
-    GaussianScene, GaussianSceneFailed, GaussianSplats, MaskVisibility, StyleMask,
-    mask::{MaskEdit, RenderMasks, SavedMask, StyleMaskFailed, WorldMask, lasso_in_view},
+    GaussianScene, GaussianSceneFailed, GaussianSplats,
+    mask::{
+        MaskEdit, MaskVisibility, RenderMasks, SavedMask, StyleMask, StyleMaskFailed, WorldMask,
+        lasso_in_view,
+    },
     style::decoder::StyleBackend,
     world::WorldPart,
 };

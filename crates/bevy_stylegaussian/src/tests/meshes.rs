@@ -10,8 +10,8 @@ use bevy::{
 use stylegaussian::strokes::{FINE_SIDE, StrokeTexture};
 
 use crate::{
-    GaussianSplats, StyleApplied, StyleFailed, StyleSource, StyleStatistics, StyledMesh, StyledSky,
-    style::decoder::StyleBackend,
+    GaussianSplats, StyleApplied, StyleFailed, StyleSource, StyledMesh, StyledSky,
+    style::{StyleStatistics, decoder::StyleBackend},
 };
 
 use super::{

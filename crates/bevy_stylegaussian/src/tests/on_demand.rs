@@ -14,8 +14,9 @@ use stylegaussian::Scene;
 use stylegaussian_files::{world::FILE, write_scene};
 
 use crate::{
-    AppliedStyle, GaussianSceneFailed, GaussianSceneReady, GaussianSplats, StyleGaussianPlugin, StyleMask,
-    StyleSource, StyleTransition,
+    AppliedStyle, GaussianSceneFailed, GaussianSceneReady, GaussianSplats, StyleGaussianPlugin, StyleSource,
+    StyleTransition,
+    mask::StyleMask,
     style::{StyleMotion, TransitionClock, decoder::StyleBackend, has_unsettled_styles},
     world::{GaussianWorld, WorldState},
 };

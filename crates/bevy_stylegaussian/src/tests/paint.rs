@@ -20,10 +20,12 @@ use stylegaussian::{
 use stylegaussian_encoder::paint_of;
 
 use crate::{
-    AppliedStyle, GaussianSplats, HiddenUntilStyled, StyleApplied, StyleLook, StyleSource, StyleStatistics,
-    StyleThreads,
+    AppliedStyle, GaussianSplats, HiddenUntilStyled, StyleApplied, StyleSource, StyleThreads,
     colors::ColorLayers,
-    style::{StyleInput, StyleMethod, StyleRecolored, decoder::StyleEncoder, has_unsettled_styles},
+    style::{
+        StyleInput, StyleLook, StyleMethod, StyleRecolored, StyleStatistics, decoder::StyleEncoder,
+        has_unsettled_styles,
+    },
 };
 
 use super::{

@@ -11,7 +11,8 @@ use bevy::{
 use stylegaussian::{Camera as Pinhole, Scene, splat};
 
 use crate::{
-    GaussianSplats, SplatSortKey, StyleApplied, StyleSource, StyleTransition, style::decoder::StyleBackend,
+    GaussianSplats, StyleApplied, StyleSource, StyleTransition, splats::SplatSortKey,
+    style::decoder::StyleBackend,
 };
 
 use super::world::{rendering::*, *};

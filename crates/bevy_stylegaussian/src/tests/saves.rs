@@ -22,10 +22,10 @@ use stylegaussian::mask::Brush;
 use stylegaussian_files::{Precision, write_decoder, write_scene, write_style};
 
 use crate::{
-    AppliedStyle, GaussianSplats, HiddenUntilStyled, MaskVisibility, SplatSortKey, SplatTint,
-    SplatTonemapping, StyleMask, StyleRefine, StyleSource, StyleTransition, StyleVolume,
-    mask::StyleMaskFailed,
-    style::{StyleInput, StylePrepare, decoder::StyleDecoder},
+    AppliedStyle, GaussianSplats, HiddenUntilStyled, SplatTint, StyleSource, StyleTransition, StyleVolume,
+    mask::{MaskVisibility, StyleMask, StyleMaskFailed},
+    splats::{SplatSortKey, SplatTonemapping},
+    style::{StyleInput, StylePrepare, StyleRefine, decoder::StyleDecoder},
 };
 
 use super::{styles::until_applied, world::*};

@@ -16,9 +16,9 @@ use stylegaussian::{
 };
 
 use crate::{
-    GaussianScene, GaussianSplats, MaskVisibility, StyleApplied, StyleFailed, StyleLook, StyleMask,
-    StyleSource, StyleStatistics, StyleTransition,
-    style::{StyleInput, decoder::StyleBackend},
+    GaussianScene, GaussianSplats, StyleApplied, StyleFailed, StyleSource, StyleTransition,
+    mask::{MaskVisibility, StyleMask},
+    style::{StyleInput, StyleLook, StyleStatistics, decoder::StyleBackend},
 };
 
 use super::{

@@ -3,7 +3,9 @@
 use bevy::{prelude::*, render::RenderApp};
 
 use crate::{
-    GaussianSplats, MaskVisibility, StyleApplied, StyleMask, StyleSource, splats::Held,
+    GaussianSplats, StyleApplied, StyleSource,
+    mask::{MaskVisibility, StyleMask},
+    splats::Held,
     style::decoder::StyleBackend,
 };
 

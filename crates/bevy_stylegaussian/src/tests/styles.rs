@@ -8,10 +8,10 @@ use stylegaussian_files::{Precision, read_scene, write_decoder, write_scene, wri
 
 use crate::{
     AppliedStyle, GaussianSceneFailed, GaussianSplats, StyleApplied, StyleFailed, StyleSource,
-    StyleStatistics, StyleTransition,
+    StyleTransition,
     scene::LoadedScene,
     style::{
-        StyleInput, StyleMethod,
+        StyleInput, StyleMethod, StyleStatistics,
         decoder::{GaussianDecoder, StyleBackend, StyleDecoder},
     },
 };
@@ -203,7 +203,7 @@ fn changed_assets_restyle() {
     until_applied(&mut app);
 
     // The statistics change.
-    let mut statistics = app.world_mut().resource_mut::<Assets<crate::StyleStatistics>>();
+    let mut statistics = app.world_mut().resource_mut::<Assets<crate::style::StyleStatistics>>();
     statistics.get_mut(&style).unwrap().statistics = b.clone().into();
     until_applied(&mut app);
     assert_eq!(colors(app.world(), entity).unwrap(), expected(&scene, &[(&b, 1.0)], 0.0));
@@ -435,6 +435,8 @@ fn repaired_files_are_taken_over() {
 fn public_types_are_registered() {
     mod face {
         pub use crate::{
+            mask::*,
+            splats::*,
             style::{decoder::*, *},
             *,
         };

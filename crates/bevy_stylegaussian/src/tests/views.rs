@@ -9,7 +9,7 @@ use bevy::{
 };
 use stylegaussian::{Camera as Pinhole, Scene};
 
-use crate::{SplatSortKey, SplatTonemapping};
+use crate::splats::{SplatSortKey, SplatTonemapping};
 
 use super::{
     pictures::{

@@ -14,8 +14,8 @@ use super::{
     world::{rendering::*, *},
 };
 use crate::{
-    GaussianSceneFailed, GaussianSceneReady, GaussianSplats, StyleApplied, StyleFailed, StyleMask,
-    StyleSource,
+    GaussianSceneFailed, GaussianSceneReady, GaussianSplats, StyleApplied, StyleFailed, StyleSource,
+    mask::StyleMask,
     scene::gpu_needs,
     style::{StyleMethod, decoder::StyleBackend},
 };

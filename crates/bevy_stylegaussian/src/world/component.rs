@@ -12,12 +12,12 @@ use super::{asset::WorldManifest, tree::Tree};
 /// plugin's, and a saved game need not have them.
 ///
 /// These components of the entity hold for all of its children, and for those to come: `RenderLayers`,
-/// [`SplatTint`](crate::SplatTint), [`SplatShadows`](crate::SplatShadows), [`SplatCaster`](crate::SplatCaster),
-/// [`StyleSource`](crate::StyleSource), [`StyleTransition`](crate::StyleTransition) and
-/// [`StyleDecoder`](crate::style::decoder::StyleDecoder). A style reaches what is seen first, and of that what
-/// is largest on screen. Parts stay as they were until it does. What arrives later is shown once it is painted;
-/// until then, the coarser level stays as it was painted. With
-/// [`HiddenUntilStyled`](crate::HiddenUntilStyled), the first level of a part waits for its paint as well.
+/// [`SplatTint`](crate::SplatTint), [`SplatShadows`](crate::splats::SplatShadows),
+/// [`SplatCaster`](crate::splats::SplatCaster), [`StyleSource`](crate::StyleSource),
+/// [`StyleTransition`](crate::StyleTransition) and [`StyleDecoder`](crate::style::decoder::StyleDecoder). A
+/// style reaches what is seen first, and of that what is largest on screen. Parts stay as they were until it
+/// does. What arrives later is shown once it is painted; until then, the coarser level stays as it was painted.
+/// With [`HiddenUntilStyled`](crate::HiddenUntilStyled), the first level of a part waits for its paint as well.
 /// Pins are of single scenes, and do not fit a world. A [`WorldMask`](crate::mask::WorldMask) is the mask of a
 /// world, and looks fit if each chunk has its own
 /// ([`StyleSource::chunk_looks`](crate::StyleSource::chunk_looks)).

@@ -16,7 +16,11 @@ use stylegaussian::{
 };
 
 use super::*;
-use crate::{GaussianSplats, MaskVisibility, StyleGaussianPlugin, StyleMask, tests::world::*};
+use crate::{
+    GaussianSplats, StyleGaussianPlugin,
+    mask::{MaskVisibility, StyleMask},
+    tests::world::*,
+};
 
 /// Width and height of the view, in pixels.
 const SIZE: u32 = 100;

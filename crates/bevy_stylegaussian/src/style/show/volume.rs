@@ -50,9 +50,9 @@ pub struct StyleVolume {
     pub priority: i32,
     /// The only entity whose splats have the style, or `None` if all have it.
     pub cloud: Option<Entity>,
-    /// The channel of the clouds' [`StyleMask`](crate::StyleMask), 0..4, in which the style shows as far as it
-    /// is painted, or `None` if it shows in all of the volume. Clouds without a mask do not have the style
-    /// then, and a channel beyond the fourth is never painted.
+    /// The channel of the clouds' [`StyleMask`](crate::mask::StyleMask), 0..4, in which the style shows as far
+    /// as it is painted, or `None` if it shows in all of the volume. Clouds without a mask do not have the
+    /// style then, and a channel beyond the fourth is never painted.
     pub mask: Option<usize>,
     /// Changes of all strokes within, those of the volume's own style too. With them, a volume without a style
     /// leaves the styles that are there, instead of showing captured colors. `None` by default.
@@ -132,7 +132,7 @@ impl StyleVolume {
         Self::new(VolumeShape::HalfSpace)
     }
 
-    /// Everything that is painted in a channel of the clouds' [`StyleMask`](crate::StyleMask), 0..4.
+    /// Everything that is painted in a channel of the clouds' [`StyleMask`](crate::mask::StyleMask), 0..4.
     pub fn painted(channel: usize) -> Self {
         Self { mask: Some(channel), ..default() }
     }

@@ -76,8 +76,8 @@ pub struct StyleSource {
     /// Spots of the scene that are painted from given spots of the paintings.
     pub pins: StylePins,
     /// The way in which the strokes move: not at all by default. Each volume's strokes move as its own source
-    /// says, within its region and its channel of a [`StyleMask`](crate::StyleMask); where more than eight
-    /// sources that move lie on one cloud, the lowest stand still.
+    /// says, within its region and its channel of a [`StyleMask`](crate::mask::StyleMask); where more than
+    /// eight sources that move lie on one cloud, the lowest stand still.
     pub motion: StyleMotion,
     /// Light on the thickness of the strokes: none by default.
     pub relief: StyleRelief,

@@ -20,10 +20,11 @@ use stylegaussian::{
 };
 
 use crate::{
-    GaussianSceneReady, GaussianSplats, HiddenUntilStyled, StyleApplied, StyleFailed, StyleLook, StyleMask,
-    StyleSource, StyleTransition, StyleVolume,
+    GaussianSceneReady, GaussianSplats, HiddenUntilStyled, StyleApplied, StyleFailed, StyleSource,
+    StyleTransition, StyleVolume,
     colors::ShownColors,
-    style::{TransitionClock, decoder::StyleBackend},
+    mask::StyleMask,
+    style::{StyleLook, TransitionClock, decoder::StyleBackend},
 };
 
 use crate::tests::world::{rendering::*, *};

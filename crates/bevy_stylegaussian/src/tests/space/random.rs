@@ -9,7 +9,8 @@ use stylegaussian::{
 };
 
 use crate::{
-    StyleMask, StyleSource, StyleTransition, StyleVolume,
+    StyleSource, StyleTransition, StyleVolume,
+    mask::StyleMask,
     style::has_unsettled_styles,
     tests::world::{rendering::*, *},
 };

@@ -8,7 +8,7 @@ use std::{sync::Arc, time::Duration};
 use bevy::{asset::AssetPlugin, prelude::*};
 use stylegaussian::{ChannelStatistics, Decoder, Features, Layer, Scene, scene::Sh};
 
-use crate::{GaussianScene, StyleGaussianPlugin, StyleStatistics, StyleThreads};
+use crate::{GaussianScene, StyleGaussianPlugin, StyleThreads, style::StyleStatistics};
 
 /// Channels of the encoder, latent features, and the decoder's neighbors, in the small scenes.
 // Three different numbers, so that mixing them up is found by a shape.

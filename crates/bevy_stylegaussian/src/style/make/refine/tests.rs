@@ -19,8 +19,8 @@ use stylegaussian_files::{read_scene, read_style};
 
 use super::{engine::Baking, *};
 use crate::{
-    GaussianSplats, StyleFailed, StyleLook, StyleThreads, StyleTransition,
-    style::decoder::StyleBackend,
+    GaussianSplats, StyleFailed, StyleThreads, StyleTransition,
+    style::{StyleLook, decoder::StyleBackend},
     tests::world::{
         QUICK_THREADS, add, add_scene, add_style, app_without_rendering, drain,
         rendering::{app_with_rendering, render_target, target},
