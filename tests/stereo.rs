@@ -10,7 +10,7 @@ use bevy::{camera::Viewport, core_pipeline::tonemapping::Tonemapping, prelude::*
 // `world` is written for the plugin's own tests and finds these names in its crate.
 use bevy_stylegaussian::{
     GaussianScene, GaussianSplats, StyleGaussianPlugin, StyleThreads,
-    style::{self, StyleStatistics, decoder::StyleBackend},
+    style::{self, decoder::StyleBackend},
 };
 use stereo::OffAxis;
 use world::{add_scene, rendering::*, small_scene};
