@@ -24,6 +24,11 @@ fn without(names: &[&str]) -> Vec<Property> {
 /// A file of `n` Gaussians, each value given by a function of the property's name and the row.
 fn many(n: usize, kind: &str, value: impl Fn(&str, usize) -> f64) -> Vec<u8> {
     let names: Vec<&str> = properties().iter().map(|property| property.1).collect();
+    many_of(&names, n, kind, value)
+}
+
+/// As [`many`], of these properties.
+fn many_of(names: &[&str], n: usize, kind: &str, value: impl Fn(&str, usize) -> f64) -> Vec<u8> {
     let mut bytes = format!("ply\nformat binary_little_endian 1.0\nelement vertex {n}\n").into_bytes();
     names.iter().for_each(|name| bytes.extend(format!("property {kind} {name}\n").bytes()));
     bytes.extend(b"end_header\n");
@@ -199,6 +204,38 @@ fn half_floats_in_words_are_decoded() {
     whole[0].2 = [1.5, -4.0];
     let Loaded { scene, warnings, .. } = read(plain(&whole, Format::Ascii)).unwrap();
     assert_eq!((scene.means[0].x, warnings.len()), (1.5, 0));
+}
+
+/// Unless they make no sense as half floats.
+#[test]
+fn colors_beside_half_floats_are_half_floats() {
+    let rgb = ["red", "green", "blue"];
+    let geometry = without(&["f_dc_0", "f_dc_1", "f_dc_2"]);
+    let names: Vec<&str> = geometry.iter().map(|property| property.1).chain(rgb).collect();
+    // 0 to 39 fortieths, other ones in each channel.
+    let share = |channel: usize, row: usize| ((7 * row + 3 * channel) % 40) as f64 / 40.0;
+    let read_with = |color: &dyn Fn(f64) -> f64| {
+        let value = |name: &str, row: usize| match rgb.iter().position(|&other| other == name) {
+            Some(channel) => color(share(channel, row)),
+            None => f64::from(f16::from_f64(trained(name, row)).to_bits()),
+        };
+        let Loaded { scene, warnings, .. } = read(many_of(&names, 40, "ushort", value)).unwrap();
+        for (row, color) in scene.base_colors().into_iter().enumerate() {
+            let expected = Vec3::from_array([0, 1, 2].map(|channel| share(channel, row) as f32));
+            assert!(Vec3::from(color).abs_diff_eq(expected, 2e-3), "{color:?} instead of {expected}");
+        }
+        warnings
+    };
+    let halves = |names: &str| {
+        let geometry = "x y z opacity rot_0 rot_1 rot_2 rot_3 scale_0 scale_1 scale_2";
+        format!("properties of 16 bits ({geometry}{names}) are read as half floats")
+    };
+    let to_255 = "colors (red green blue) are read as 0 to 255, by their values".to_owned();
+    let half = |value: f64| f64::from(f16::from_f64(value).to_bits());
+    assert_eq!(read_with(&half), [halves(" red green blue")]);
+    assert_eq!(read_with(&|share| half(255.0 * share)), [halves(" red green blue"), to_255.clone()]);
+    assert_eq!(read_with(&|share| (65_535.0 * share).round()), [halves("")]);
+    assert_eq!(read_with(&|share| (255.0 * share).round()), [halves(""), to_255]);
 }
 
 #[test]
