@@ -59,9 +59,9 @@ impl Rows<'_> {
     }
 
     /// Takes the whole numbers in `columns` for the bits of half floats, if that makes sense: next to none is
-    /// NaN or beyond `range`, and most of those that are not 0 are normal numbers. Whole numbers of any use fail
-    /// in one or the other: small ones are the bits of numbers below 6e-5, and of all 65,536 words one in 32 is
-    /// no number.
+    /// NaN or beyond `range`, and most of those that are not 0 are normal numbers. Whole numbers of any use
+    /// fail in one or the other: small ones are the bits of numbers below 6e-5, and of all 65,536 words one in
+    /// 32 is no number.
     pub(super) fn take_for_halves(&mut self, columns: &[usize], range: RangeInclusive<f32>) -> bool {
         let makes_sense = |&column: &usize| {
             let (mut n_wild, mut n_normal, mut n_tiny) = (0, 0, 0);

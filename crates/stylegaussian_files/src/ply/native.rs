@@ -47,7 +47,12 @@ pub(super) fn read(header: &Header, bytes: Vec<u8>) -> Result<Loaded, Mismatch> 
     let mut names = geometry(vertex, &mut warnings)?;
     let n_scales = names.len() - SCALE;
     let filter = vertex.properties.contains_key(FILTER).then_some(names.len());
-    names.extend(filter.map(|_| FILTER.to_owned()));
+    if filter.is_some() {
+        names.push(FILTER.to_owned());
+        warnings.push(format!(
+            "each Gaussian is widened, and its opacity lowered, by its {FILTER} (mip-splatting)"
+        ));
+    }
     let first_color = names.len();
     let mut color = Color::choose(vertex)?;
     if color == Color::None {
@@ -120,8 +125,8 @@ pub(super) fn log_scales(rows: &Rows, i: usize, n_scales: usize) -> Vec3 {
 }
 
 /// Decodes half floats in properties of 16 bits, which PLY has no type for. Whole numbers stay what they are if
-/// their bits make no sense as half floats. Colors, which are whole numbers in other files, are half floats only
-/// beside others.
+/// their bits make no sense as half floats. Colors, which are whole numbers in other files, are half floats
+/// only beside others.
 ///
 /// # Errors
 /// If they are no half floats, and are opacities or sizes: before their activations these are no whole numbers.

@@ -105,8 +105,12 @@ fn the_prefix_of_cloudcompare_is_taken_off() {
         text
     };
     let all = ["f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1"];
-    check_two(renamed("scalar_", &all).as_bytes());
-    check_two(renamed("scalar_scalar_", &["opacity", "rot_3", "f_dc_1"]).as_bytes());
+    let told = |n: usize| {
+        [format!("names of properties are read without CloudCompare's prefix `scalar_` ({n} of them)")]
+    };
+    assert_eq!(warnings_of_two(renamed("scalar_", &all).as_bytes()), told(9));
+    let twice = renamed("scalar_scalar_", &["opacity", "rot_3", "f_dc_1"]);
+    assert_eq!(warnings_of_two(twice.as_bytes()), told(3));
     // Colors for display do not count beside those of the capture.
     let colored = renamed("scalar_", &all).replace("end_header", "property uchar red\nend_header");
     let colored = colored.replace(" \n", " 9 \n");
@@ -132,7 +136,9 @@ fn the_filter_of_mip_splatting_widens_gaussians() {
     let dropped = filtered([f64::NAN, 0.75]).unwrap();
     assert_eq!(dropped.scene.order, [1]);
     assert!((dropped.scene.scales[0] - 1.25).abs().max_element() < 1e-6);
-    assert!(dropped.warnings[0].contains("dropped 1 of 2"), "{:?}", dropped.warnings);
+    let [filter, dropped] = &dropped.warnings[..] else { panic!("{:?}", dropped.warnings) };
+    assert_eq!(filter, "each Gaussian is widened, and its opacity lowered, by its filter_3D (mip-splatting)");
+    assert!(dropped.contains("dropped 1 of 2"), "{dropped}");
     // Of flat Gaussians, which have no volume, a filter leaves nothing.
     let flat =
         plain(&[without(&["scale_2"]), vec![("float", "filter_3D", [0.75, 0.0])]].concat(), Format::Ascii);
@@ -278,12 +284,12 @@ fn files_of_reports() {
     for (name, n, up, part) in [
         ("R01_2dgs_two_scales", 60, None, "flat"),
         ("R02_half_as_ushort", 60, None, "half floats"),
-        ("R06_cloudcompare_scalar_names", 60, None, ""),
+        ("R06_cloudcompare_scalar_names", 60, None, "scalar_"),
         ("R07c_compressed_neg_inf_realistic", 600, None, ""),
         ("R09e_gsplat_compressed_sh_without_properties", 600, None, ""),
         ("R10b_nerfstudio_red_is_up", 300, Some(Vec3::Z), ""),
         ("R12b_rgb_float_0_255", 60, None, "0 to 255"),
-        ("R13_mip_splatting_filter_3D", 60, None, ""),
+        ("R13_mip_splatting_filter_3D", 60, None, "filter_3D"),
         ("R14_linear_scale_and_opacity", 60, None, "look like"),
         ("R21_spacetime_motion", 60, None, "motion of a 4D scene"),
     ] {
