@@ -12,7 +12,7 @@ use super::{
     header::{Header, size_of_scalar},
     numbers::{Ascii, Binary, Source, number, wide_number},
 };
-use crate::error::{Mismatch, mismatch};
+use crate::error::{Mismatch, bytes_in_words, mismatch};
 
 /// Chosen properties of the rows of an element, in the bytes of the file where they lie at the same place in
 /// each row.
@@ -299,7 +299,7 @@ pub(super) fn check_end(header: &Header, file: &[u8]) -> Result<(), Mismatch> {
         _ => String::new(),
     };
     Err(mismatch(
-        format_args!("{n_bytes} bytes after the last row{of_row}"),
+        format_args!("{} after the last row{of_row}", bytes_in_words(n_bytes as u64)),
         format_args!("the end of the file after {}", counts.join(", ")),
     ))
 }

@@ -12,7 +12,7 @@ use ply_rs::{
 use stylegaussian::scene::ScreenFilter;
 
 use super::writers;
-use crate::error::{Mismatch, mismatch};
+use crate::error::{Mismatch, bytes_in_words, mismatch};
 
 /// Most bytes of a header. Longer ones belong to files of other kinds, which are not searched to their end.
 const LONGEST: usize = 1 << 20;
@@ -117,7 +117,7 @@ impl Header {
         }
         let counts: Vec<String> = self.elements().map(|e| format!("{} {}", e.count, e.name)).collect();
         Err(mismatch(
-            format_args!("{n_bytes} bytes after the header"),
+            format_args!("{} after the header", bytes_in_words(n_bytes as u64)),
             format_args!("at least {least} for {}", counts.join(", ")),
         ))
     }

@@ -199,8 +199,8 @@ fn left_out_motion(vertex: &ElementDef) -> Option<String> {
     let (first, last) = (names.first()?, names.last()?);
     let listed = if names.len() == 1 { (*first).to_owned() } else { format!("{first} .. {last}") };
     Some(format!(
-        "left out the motion of a 4D scene ({} properties, {listed}): all Gaussians stand still, at all times",
-        names.len()
+        "left out the motion of a 4D scene ({}, {listed}): all Gaussians stand still, at all times",
+        if names.len() == 1 { "1 property".to_owned() } else { format!("{} properties", names.len()) }
     ))
 }
 

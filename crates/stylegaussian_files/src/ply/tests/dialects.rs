@@ -53,7 +53,7 @@ fn trained(name: &str, row: usize) -> f64 {
 fn bytes_after_the_last_row_are_counted() {
     // A row in which three bytes of color stand for the one that the header has.
     for (n, part) in [
-        (1, "found 1 bytes after the last row, expected the end of the file after 2 vertex"),
+        (1, "found 1 byte after the last row, expected the end of the file after 2 vertex"),
         (4, "found 4 bytes after the last row, 2 for each of 2 vertices, whose properties"),
         (57, "found 57 bytes after the last row, expected"),
     ] {
@@ -156,7 +156,7 @@ fn motion_is_left_out_with_a_word() {
     ]);
     assert_eq!(spacetime.len(), 1, "{spacetime:?}");
     assert!(spacetime[0].contains("motion of a 4D scene (3 properties, motion_0 .. trbf_center)"));
-    assert!(warnings(&[("float", "t", [0.1; 2])])[0].contains("(1 properties, t)"));
+    assert!(warnings(&[("float", "t", [0.1; 2])])[0].contains("(1 property, t)"));
     assert!(warnings(&[("float", "velocity_0", [0.1; 2])])[0].contains("stand still"));
     assert!(warnings(&[("float", "tx", [0.1; 2]), ("float", "timestamp", [0.1; 2])]).is_empty());
 }
