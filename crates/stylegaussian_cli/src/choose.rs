@@ -135,8 +135,17 @@ pub fn expect_seen(cameras: Vec<Camera>, scene: &Scene, path: &Path) -> Result<V
          to choose cameras for: scale it up",
         size.max(largest)
     );
+    let are_usable = cameras.iter().all(Camera::is_usable);
+    if let Some(Frame { center, radius }) = scene.frame {
+        let [x, y, z] = center.to_array();
+        ensure!(
+            are_usable,
+            "--frame {x:?},{y:?},{z:?},{radius:?}: no camera in f32 can see such a ball, expected one \
+             around a part of {name}, which is {size:e} units wide"
+        );
+    }
     ensure!(
-        cameras.iter().all(Camera::is_usable),
+        are_usable,
         "{name}: found Gaussians {size:e} units apart, of at most {largest:e} units: \
          no camera in f32 can see them all"
     );

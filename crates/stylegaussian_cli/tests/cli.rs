@@ -58,6 +58,9 @@ fn help_and_version_succeed() {
         assert_eq!(run.code, Some(0), "{}", run.stderr);
         assert!(!run.stdout.is_empty());
     }
+    let help = stylegaussian(&["style", "--help"]).expect_success().stdout;
+    let formats = stylegaussian_encoder::image::format_names();
+    assert!(help.contains(&format!("The painting: {formats}")), "{help}");
 }
 
 #[test]

@@ -61,6 +61,8 @@ fn surroundings_are_left_out_and_told() {
     let run = stylegaussian(&told).expect_success();
     assert_eq!(run.stderr, "");
     assert!(covered(out.as_ref()) < 0.05, "{}", covered(out.as_ref()));
+    let too_large = [&render[..], &["--frame", "0,0,0,1e30"]].concat();
+    stylegaussian(&too_large).expect_error("--frame 0.0,0.0,0.0,1e30: no camera in f32 can see such a ball");
 }
 
 #[test]

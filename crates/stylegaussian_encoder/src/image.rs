@@ -65,7 +65,7 @@ pub enum ImageError {
         source: std::io::Error,
     },
     /// The file is not an image that can be decoded.
-    #[error("{}: not a readable image: {source}", path.display())]
+    #[error("{}: not a readable image ({source}), expected a whole one as {}", path.display(), format_names())]
     Decode {
         /// The file.
         path: PathBuf,
@@ -80,12 +80,12 @@ pub enum ImageError {
         /// The panic's message.
         panic: String,
     },
-    /// The file is an image of a kind that is not read.
+    /// The file is an image of a kind that is not read, or no image.
     #[error("{}: found {found}, expected an image as {}", path.display(), format_names())]
     OtherFormat {
         /// The file.
         path: PathBuf,
-        /// The kind of the image.
+        /// The kind of the file.
         found: &'static str,
     },
     /// A photo is not the picture of its camera.
@@ -101,11 +101,16 @@ pub enum ImageError {
         /// Width and height of the camera's picture.
         camera: (u32, u32),
     },
-    /// A JPEG file without an end, which lacks pixels. Decoders fill the missing part with gray.
-    #[error("{}: the JPEG ends before its last row, expected a whole image (truncated?)", path.display())]
+    /// A file without an end, which lacks pixels. Some decoders fill the missing part with gray.
+    #[error(
+        "{}: the {format} ends before its last row, expected a whole image as {} (truncated?)",
+        path.display(), format_names()
+    )]
     Truncated {
         /// The file.
         path: PathBuf,
+        /// The name of its format.
+        format: &'static str,
     },
     /// The file is larger than any image that is read.
     #[error("{}: expected an image of at most {MAX_FILE_BYTES} bytes, the file has more", path.display())]

@@ -125,6 +125,10 @@ fn a_png_that_lost_rows_is_refused() {
         let error = read(&whole[..end], "cut.png").unwrap_err().to_string();
         assert!(error.contains("cut.png") && !error.contains('\n'), "{end}: {error}");
     }
+    let error = read(&whole[..whole.len() / 2], "cut.png").unwrap_err();
+    assert!(matches!(error, ImageError::Truncated { format: "PNG", .. }), "{error}");
+    let told = "cut.png: the PNG ends before its last row, expected a whole image as PNG";
+    assert!(error.to_string().contains(told), "{error}");
 }
 
 /// Pixels in several chunks, of which the last is missing: what is left looks like a file without its end.

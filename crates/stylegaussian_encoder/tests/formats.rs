@@ -118,6 +118,8 @@ fn other_formats_are_named_with_what_is_read() {
     check_not_read(b"\0\0\0\x18ftypmif1\0\0\0\0mif1heic", "a HEIC image");
     check_not_read(b"\xFF\x0A\0\0\0\0\0\0\0\0", "a JPEG XL image");
     check_not_read(b"qoif\0\0\0\x08\0\0\0\x08\x03\0", "a QOI image");
+    check_not_read(b"A painting, in words.", "a file of another kind");
+    check_not_read(b"", "an empty file");
 }
 
 #[cfg(not(feature = "webp"))]

@@ -50,6 +50,11 @@ pub(super) fn mismatch(found: impl fmt::Display, expected: impl fmt::Display) ->
     Mismatch { found: found.to_string(), expected: expected.to_string() }
 }
 
+/// A number of bytes in words.
+pub(super) fn bytes_in_words(n: u64) -> String {
+    format!("{n} {}", if n == 1 { "byte" } else { "bytes" })
+}
+
 /// A scene as read, with warnings for its user.
 #[derive(Debug)]
 pub struct Loaded {

@@ -49,6 +49,7 @@ pub(super) fn read(bytes: Vec<u8>) -> Result<Loaded, Mismatch> {
         loaded.scene.up = Some(up);
         loaded.axes_because += &format!("; up is {}, because {because}", Direction(up));
     }
+    loaded.warnings.extend(header.prefixed());
     loaded.scene.filter = header.filter(&mut loaded.warnings);
     Ok(loaded)
 }

@@ -22,7 +22,7 @@ use stylegaussian::{
 use super::{
     activate::{drop_broken, unit_quaternion},
     distant,
-    error::{Loaded, Mismatch, mismatch},
+    error::{Loaded, Mismatch, bytes_in_words, mismatch},
     format::Format,
 };
 
@@ -43,7 +43,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     let (rows, rest) = bytes.as_chunks::<ROW>();
     if !rest.is_empty() {
         let expected = format!("a multiple of {ROW}, the size of a Gaussian in a .splat");
-        return Err(mismatch(format_args!("{} bytes", bytes.len()), expected));
+        return Err(mismatch(bytes_in_words(bytes.len() as u64), expected));
     }
     let n = rows.len();
     if u32::try_from(n).is_err() {

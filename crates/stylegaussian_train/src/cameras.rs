@@ -26,8 +26,8 @@ use posed::{invalid, parse, read};
 
 /// Reads the cameras at `path`: a transforms.json, a 3DGS cameras.json, a file of a COLMAP model, or a folder
 /// with one of these (in this order: transforms.json, COLMAP in sparse/0, sparse, the folder itself,
-/// colmap/sparse/0 or colmap/sparse, cameras.json, transforms_train.json). Of several numbered COLMAP models,
-/// the one with the most images is read.
+/// colmap/sparse/0 or colmap/sparse, cameras.json, transforms_train.json, COLMAP in 0). Of several numbered
+/// COLMAP models, the one with the most images is read.
 ///
 /// # Errors
 /// If the file is missing, truncated or malformed, a pose is not rigid, the lens is no pinhole (distortion
@@ -77,7 +77,11 @@ fn read_folder(folder: &Path, options: CameraOptions) -> Result<CameraSet, Camer
             return read_file(&cameras, options);
         }
     }
-    Err(CamerasError::Unrecognized { path: folder.into() })
+    // The folder sparse itself.
+    match colmap::read_largest(folder, options.offset)? {
+        Some(set) => Ok(set),
+        None => Err(CamerasError::Unrecognized { path: folder.into() }),
+    }
 }
 
 fn read_file(path: &Path, options: CameraOptions) -> Result<CameraSet, CamerasError> {

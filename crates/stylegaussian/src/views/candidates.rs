@@ -41,22 +41,20 @@ const PITCHES: [f32; 2] = [-0.35, 0.1];
 const TURN_PITCH: f32 = -0.1;
 /// Number of spots to stand on within a place.
 const N_SPOTS: usize = 10;
-/// Standing room around a spot, in radii of the scene.
-const STANDING_ROOM: f32 = 0.12;
+/// Standing room around a spot, and the distance below which things are in the way there, in radii of the
+/// scene. Floor and ceiling of a room leave as much in its middle. The gaps within a half-transparent thing are
+/// smaller, or it would count as a place.
+const STANDING_ROOM: f32 = 0.15;
 
 /// Distance of the spots around that of a capture, and of what is in the way there, in distances of what is
 /// near.
 const BESIDE: f32 = 0.3;
 const IN_THE_WAY: f32 = 0.25;
 
-/// Least distance of anything of interest, in distances up to which nothing is drawn: 0.3 units in a scene of a
-/// unit or more.
-const NEAREST: f32 = 1.5;
-
-/// Least distance of anything of interest in a scene of this radius, in scene units.
-fn nearest(radius: f32) -> f32 {
-    NEAREST * Camera::near_before(radius)
-}
+/// View-space z up to which nothing is drawn, in distances of what is seen: a third of the standing room, so
+/// that nothing beyond that is cut in the corners of wide pictures either. Every length here is a share of the
+/// scene's own, or a scene in other units would be seen from elsewhere.
+const NEAR: f32 = 0.05;
 
 /// A camera without a picture size.
 #[derive(Clone, Copy, Debug)]
@@ -102,7 +100,7 @@ fn overview_from(survey: &Survey, direction: Vec3) -> Candidate {
         is_overview: true,
         // No object is so near. Such Gaussians float between it and the camera.
         clearance: 0.25 * distance,
-        near: Camera::near_before(distance),
+        near: NEAR * distance,
     };
     match survey.framed {
         Framed::Told => candidate,
@@ -115,7 +113,7 @@ fn framing(candidate: &Candidate, survey: &Survey) -> f32 {
     let view_from_world = candidate.camera(UVec2::ONE).view_from_world;
     let tangents = survey.stand_in.means.iter().map(|&mean| {
         let view = view_from_world.transform_point3(mean);
-        view.x.abs().max(view.y.abs()) / view.z.max(nearest(survey.radius))
+        view.x.abs().max(view.y.abs()) / view.z.max(NEAR * survey.radius)
     });
     let [tangent] = quantiles(tangents, &survey.masses, [FRAMED]);
     // Never wider than the normal lens, and never a field of view of 0, as of a single Gaussian.
@@ -158,8 +156,8 @@ pub(super) fn closer_looks_around(survey: &Survey, overviews: &[Candidate]) -> V
 
 /// Overviews of a place: from free spots inside the scene, in all directions.
 pub(super) fn within(survey: &Survey) -> Vec<Candidate> {
-    let clearance = (0.5 * STANDING_ROOM * survey.radius).max(nearest(survey.radius));
-    looking_around(survey, &spots(survey), clearance, Camera::near_before(survey.radius))
+    let clearance = STANDING_ROOM * survey.radius;
+    looking_around(survey, &spots(survey), clearance, NEAR * survey.radius)
 }
 
 /// Overviews from the spot of a capture, and from some around it.
@@ -167,7 +165,7 @@ pub(super) fn from_eye(survey: &Survey, Eye { at, room }: Eye) -> Vec<Candidate>
     let (x, z) = survey.up.any_orthonormal_pair();
     let beside = [Vec3::ZERO, x, z, -x, -z].map(|side| at + BESIDE * room * side);
     // All that is near is part of the place.
-    looking_around(survey, &beside, IN_THE_WAY * room, Camera::near_before(room))
+    looking_around(survey, &beside, IN_THE_WAY * room, NEAR * room)
 }
 
 /// Views of all directions from each of these spots.
@@ -223,7 +221,7 @@ fn spots(survey: &Survey) -> Vec<Vec3> {
         let steps = steps.clone();
         steps.clone().flat_map(move |y| steps.clone().map(move |z| Vec3::new(x as f32, y as f32, z as f32)))
     });
-    let room = (STANDING_ROOM * survey.radius).max(nearest(survey.radius));
+    let room = STANDING_ROOM * survey.radius;
     let mut free: Vec<Vec3> = grid
         // Seven spots along each axis, out to 80% of the box, whose sides are the walls of a room.
         .map(|step| survey.center + 0.8 / STEPS as f32 * step * survey.half_size)

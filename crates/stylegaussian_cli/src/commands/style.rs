@@ -7,7 +7,7 @@ use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
 use stylegaussian::EncoderId;
-use stylegaussian_encoder::StyleSize;
+use stylegaussian_encoder::{StyleSize, image::format_names};
 use stylegaussian_files::{write_painted_style, write_style};
 
 use crate::{
@@ -21,7 +21,7 @@ use crate::{
 /// Compute the style statistics and the paint of an image, so that stylizing needs no encoder.
 #[derive(Args, Debug)]
 pub struct StyleArgs {
-    /// The painting: PNG or JPEG.
+    #[arg(help = image_help())]
     image: PathBuf,
     /// The file to write: *.style.safetensors.
     #[arg(short, long, value_name = "OUT.style.safetensors")]
@@ -42,6 +42,10 @@ pub struct StyleArgs {
     /// Print JSON.
     #[arg(long)]
     json: bool,
+}
+
+fn image_help() -> String {
+    format!("The painting: {}", format_names())
 }
 
 #[derive(Serialize)]

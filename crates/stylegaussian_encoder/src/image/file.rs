@@ -8,7 +8,7 @@ use std::{
 };
 
 use ::image::{
-    DynamicImage, ImageDecoder, ImageError as DecodeError, ImageFormat, ImageReader, Limits,
+    DynamicImage, ImageDecoder, ImageError as DecodeError, ImageFormat, ImageReader, Limits, guess_format,
     metadata::Orientation,
 };
 
@@ -124,7 +124,6 @@ fn decoder<'a>(
     mut file: impl BufRead + Seek + 'a,
     path: &Path,
 ) -> Result<Box<dyn ImageDecoder + 'a>, ImageError> {
-    let decode = |source| ImageError::Decode { path: path.into(), source };
     let read = |source: io::Error| ImageError::Read { path: path.into(), source };
     let mut head = Vec::new();
     file.by_ref().take(HEAD as u64).read_to_end(&mut head).map_err(read)?;
@@ -143,16 +142,20 @@ fn decoder<'a>(
         return Err(ImageError::OtherFormat { path: path.into(), found });
     }
     let mut reader = ImageReader::new(file).with_guessed_format().map_err(read)?;
-    if let Some(format) = reader.format()
-        && !READ.iter().any(|known| known.format == format)
-    {
-        return Err(ImageError::OtherFormat { path: path.into(), found: name_of(format) });
-    }
+    let known = reader.format().and_then(|format| READ.iter().find(|known| known.format == format));
+    let Some(known) = known else {
+        let found = match reader.format() {
+            Some(format) => name_of(format),
+            None if head.is_empty() => "an empty file",
+            None => "a file of another kind",
+        };
+        return Err(ImageError::OtherFormat { path: path.into(), found });
+    };
     let mut limits = Limits::default();
     // Limits the decoder's own allocations. The size of the pixels is checked below.
     limits.max_alloc = Some(MAX_DECODER_BYTES);
     reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(decode)?;
+    let decoder = reader.into_decoder().map_err(|source| undecodable(source, known.name, path))?;
     let (width, height) = decoder.dimensions();
     let n_pixels = u64::from(width) * u64::from(height);
     if width.max(height) > MAX_SIDE || n_pixels > MAX_PIXELS || decoder.total_bytes() > MAX_DECODER_BYTES {
@@ -179,6 +182,16 @@ fn name_of(format: ImageFormat) -> &'static str {
     }
 }
 
+/// The error for a file in the format of this name, which may have been cut off.
+fn undecodable(source: DecodeError, format: &'static str, path: &Path) -> ImageError {
+    match source {
+        DecodeError::IoError(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
+            ImageError::Truncated { path: path.into(), format }
+        }
+        source => ImageError::Decode { path: path.into(), source },
+    }
+}
+
 fn orientation(decoder: &mut impl ImageDecoder, path: &Path) -> Result<Orientation, ImageError> {
     // Asked of the decoder, since the decoded image no longer knows it.
     decoder.orientation().map_err(|source| ImageError::Decode { path: path.into(), source })
@@ -201,7 +214,7 @@ fn decoded(
         Ending::Completed(bytes, what) => {
             (bytes, Some(format!("{}: {what}, but all of its rows are there", path.display())))
         }
-        Ending::Truncated => return Err(ImageError::Truncated { path: path.into() }),
+        Ending::Truncated => return Err(ImageError::Truncated { path: path.into(), format: "JPEG" }),
     };
     let mut image = pixels(&bytes, path)?;
     if turn == Turn::Upright {
@@ -211,6 +224,8 @@ fn decoded(
 }
 
 fn pixels(bytes: &[u8], path: &Path) -> Result<DynamicImage, ImageError> {
-    let decode = |source: DecodeError| ImageError::Decode { path: path.into(), source };
-    DynamicImage::from_decoder(decoder(Cursor::new(bytes), path)?).map_err(decode)
+    let decoder = decoder(Cursor::new(bytes), path)?;
+    let format = guess_format(bytes).ok().and_then(|format| READ.iter().find(|known| known.format == format));
+    let name = format.map_or("image", |format| format.name);
+    DynamicImage::from_decoder(decoder).map_err(|source| undecodable(source, name, path))
 }

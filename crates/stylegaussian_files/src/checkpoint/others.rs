@@ -20,11 +20,12 @@ const INRIA: Trainer = Trainer {
     export: "a .ply: training saves `point_cloud/iteration_*/point_cloud.ply` beside it (`--save_iterations`)",
 };
 
-/// In this order: nerfstudio's models are gsplat's.
-const TRAINERS: [Trainer; 3] = [
+/// In this order: nerfstudio's models are gsplat's, and only some have Gaussians.
+const TRAINERS: [Trainer; 4] = [
     Trainer {
         name: "nerfstudio",
-        words: &[&["gauss_params"], &["pipeline", "_model."]],
+        // Older versions had no name for the parameters together.
+        words: &[&["gauss_params"], &["pipeline", "_model.quats"]],
         export: "a .ply: `ns-export gaussian-splat --load-config CONFIG.yml --output-dir DIR` writes one",
     },
     Trainer {
@@ -33,6 +34,11 @@ const TRAINERS: [Trainer; 3] = [
         export: "a .ply: `simple_trainer.py` writes one with `--save_ply`, `gsplat.export_splats` from Python",
     },
     INRIA,
+    Trainer {
+        name: "nerfstudio that has no Gaussians",
+        words: &[&["pipeline", "_model."]],
+        export: "one of Gaussians, as its method `splatfacto` trains, and exported as a .ply",
+    },
 ];
 
 /// The message for a checkpoint of another trainer, or `None` if it is of none that is known.
@@ -100,6 +106,13 @@ mod tests {
         );
         let message = line(&of_words(&["step", "pipeline", "_model.gauss_params.means"]));
         assert!(message.contains("a checkpoint of nerfstudio, expected a .ply: `ns-export"), "{message}");
+        let message = line(&of_words(&["step", "pipeline", "_model.means", "_model.quats"]));
+        assert!(message.contains("a checkpoint of nerfstudio, expected a .ply: `ns-export"), "{message}");
+        let message = line(&of_words(&["step", "pipeline", "_model.field.mlp.0.weight"]));
+        assert!(
+            message.contains("a checkpoint of nerfstudio that has no Gaussians, expected one of Gaussians"),
+            "{message}"
+        );
         let message = line(&of_words(&["xyz", "f_dc", "f_rest", "opacity", "scaling"]));
         assert!(message.contains("a checkpoint of 3DGS, expected a .ply: training saves"), "{message}");
         // A class of the trainer's own code, which no reader knows.

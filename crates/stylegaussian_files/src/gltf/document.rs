@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::base64;
 use crate::{
-    error::{Mismatch, mismatch},
+    error::{Mismatch, bytes_in_words, mismatch},
     files::{Files, Unread},
     json::without_mark,
     names::check_downward,
@@ -78,7 +78,8 @@ impl<'a> Document<'a> {
             };
             let stated = buffer["byteLength"].as_u64().unwrap_or_default();
             if stated > found.part.len() as u64 && !is_fallback(&json, i) {
-                let found = format_args!("{} bytes of buffer {i}", found.part.len()).to_string();
+                let found =
+                    format_args!("{} of buffer {i}", bytes_in_words(found.part.len() as u64)).to_string();
                 return Err(mismatch(found, format_args!("its byteLength {stated}")).into());
             }
             buffers.push(found);
@@ -170,7 +171,8 @@ pub(super) fn item<'a>(json: &'a Value, array: &str, index: usize) -> Result<&'a
 
 /// The places of the JSON and of the binary chunk in a GLB of `n_bytes`, whose magic is left out of `rest`.
 fn chunks(rest: &[u8], n_bytes: usize) -> Result<(Range<usize>, Option<Range<usize>>), Mismatch> {
-    let cut = || mismatch(format_args!("a GLB cut off after {n_bytes} bytes"), "a whole one");
+    let cut =
+        || mismatch(format_args!("a GLB cut off after {}", bytes_in_words(n_bytes as u64)), "a whole one");
     let word = |bytes: &[u8], at: usize| Some(u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?));
     let version = word(rest, 0).ok_or_else(cut)?;
     if version != 2 {
@@ -179,7 +181,7 @@ fn chunks(rest: &[u8], n_bytes: usize) -> Result<(Range<usize>, Option<Range<usi
     let length = word(rest, 4).ok_or_else(cut)? as usize;
     if length > n_bytes {
         return Err(mismatch(
-            format_args!("{n_bytes} bytes"),
+            bytes_in_words(n_bytes as u64),
             format_args!("the {length} that the GLB states"),
         ));
     }

@@ -5,7 +5,7 @@ use half::f16;
 use stylegaussian::sh::{MAX_DEGREE, n_coefficients};
 
 use super::f32_at;
-use crate::error::{Mismatch, mismatch};
+use crate::error::{Mismatch, bytes_in_words, mismatch};
 
 /// Size of the file's header, in bytes.
 pub(super) const HEADER: usize = 4096;
@@ -52,7 +52,7 @@ impl<'a> Header<'a> {
     /// Reads all headers and cuts the file into sections.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, Mismatch> {
         if bytes.len() < HEADER {
-            let found = format_args!("{} bytes", bytes.len()).to_string();
+            let found = bytes_in_words(bytes.len() as u64);
             return Err(mismatch(found, format_args!("a .ksplat header of {HEADER}")));
         }
         let [major, minor] = [bytes[0], bytes[1]];
@@ -181,7 +181,10 @@ fn split(bytes: &[u8], start: usize, len: usize) -> Option<(&[u8], &[u8])> {
 }
 
 fn past_end(bytes: &[u8], what: std::fmt::Arguments) -> Mismatch {
-    mismatch(format_args!("a .ksplat of {} bytes", bytes.len()), format_args!("room for {what}"))
+    mismatch(
+        format_args!("a .ksplat of {}", bytes_in_words(bytes.len() as u64)),
+        format_args!("room for {what}"),
+    )
 }
 
 fn u16_at(bytes: &[u8], at: usize) -> u16 {

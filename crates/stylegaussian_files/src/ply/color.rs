@@ -14,7 +14,7 @@ use crate::{
 };
 
 /// The brightest value of colors of 8 and of 16 bits.
-const BYTE: f32 = 255.0;
+pub(super) const BYTE: f32 = 255.0;
 const WORD: f32 = 65_535.0;
 
 /// Channels above this are no display colors of 0..1, which reach a little beyond 1 at most.

@@ -1,6 +1,9 @@
 //! The rows of one element: chosen scalar properties as f32, coordinates also as f64.
 
-use std::{borrow::Cow, ops::Range};
+use std::{
+    borrow::Cow,
+    ops::{Range, RangeInclusive},
+};
 
 use half::f16;
 use ply_rs::ply::{ElementDef, Encoding, PropertyType, ScalarType};
@@ -9,7 +12,7 @@ use super::{
     header::{Header, size_of_scalar},
     numbers::{Ascii, Binary, Source, number, wide_number},
 };
-use crate::error::{Mismatch, mismatch};
+use crate::error::{Mismatch, bytes_in_words, mismatch};
 
 /// Chosen properties of the rows of an element, in the bytes of the file where they lie at the same place in
 /// each row.
@@ -56,16 +59,16 @@ impl Rows<'_> {
     }
 
     /// Takes the whole numbers in `columns` for the bits of half floats, if that makes sense: next to none is
-    /// infinite or NaN, and most of those that are not 0 are normal numbers. Whole numbers of any use fail in
-    /// one or the other: small ones are the bits of numbers below 6e-5, and of all 65,536 words one in 32 is
-    /// no number.
-    pub(super) fn take_for_halves(&mut self, columns: &[usize]) -> bool {
+    /// NaN or beyond `range`, and most of those that are not 0 are normal numbers. Whole numbers of any use
+    /// fail in one or the other: small ones are the bits of numbers below 6e-5, and of all 65,536 words one in
+    /// 32 is no number.
+    pub(super) fn take_for_halves(&mut self, columns: &[usize], range: RangeInclusive<f32>) -> bool {
         let makes_sense = |&column: &usize| {
             let (mut n_wild, mut n_normal, mut n_tiny) = (0, 0, 0);
             for i in 0..self.n_rows {
                 let [value] = self.array(i, column);
                 let value = f16::from_f32(half_of(value));
-                if !value.is_finite() {
+                if !range.contains(&value.to_f32()) {
                     n_wild += 1;
                 } else if value.is_normal() {
                     n_normal += 1;
@@ -77,7 +80,7 @@ impl Rows<'_> {
         };
         let make_sense = columns.iter().all(makes_sense);
         if make_sense {
-            self.halves = columns.to_vec();
+            self.halves.extend(columns);
         }
         make_sense
     }
@@ -296,7 +299,7 @@ pub(super) fn check_end(header: &Header, file: &[u8]) -> Result<(), Mismatch> {
         _ => String::new(),
     };
     Err(mismatch(
-        format_args!("{n_bytes} bytes after the last row{of_row}"),
+        format_args!("{} after the last row{of_row}", bytes_in_words(n_bytes as u64)),
         format_args!("the end of the file after {}", counts.join(", ")),
     ))
 }

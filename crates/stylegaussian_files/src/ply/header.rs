@@ -12,7 +12,7 @@ use ply_rs::{
 use stylegaussian::scene::ScreenFilter;
 
 use super::writers;
-use crate::error::{Mismatch, mismatch};
+use crate::error::{Mismatch, bytes_in_words, mismatch};
 
 /// Most bytes of a header. Longer ones belong to files of other kinds, which are not searched to their end.
 const LONGEST: usize = 1 << 20;
@@ -20,6 +20,8 @@ const LONGEST: usize = 1 << 20;
 /// A parsed header. The bytes after it suffice for the declared counts.
 pub(super) struct Header {
     parsed: ParsedHeader,
+    /// The number of properties whose names had CloudCompare's prefix.
+    n_prefixed: usize,
     /// The place in the file after the line `end_header`.
     pub(super) payload: usize,
 }
@@ -29,7 +31,7 @@ impl Header {
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, Mismatch> {
         let (text, payload) = split(bytes)?;
         let n_declared = check_lines(&text)?;
-        let text = without_prefixes(&text);
+        let (text, n_prefixed) = without_prefixes(&text);
         let parsed = Parser::<DefaultElement>::new().read_header(&mut text.as_bytes()).map_err(|error| {
             // ply-rs names the line, and then on further lines all that could stand there.
             let error = error.to_string();
@@ -42,7 +44,7 @@ impl Header {
         if n_parsed != n_declared {
             return Err(mismatch("an element or property declared twice", "each name once"));
         }
-        let header = Self { parsed, payload: bytes.len() - payload.len() };
+        let header = Self { parsed, n_prefixed, payload: bytes.len() - payload.len() };
         header.check_size(payload.len())?;
         Ok(header)
     }
@@ -91,6 +93,14 @@ impl Header {
         self.comments().find_map(named).unwrap_or_default()
     }
 
+    /// A warning of names that are read without CloudCompare's prefix.
+    pub(super) fn prefixed(&self) -> Option<String> {
+        let n = self.n_prefixed;
+        (n > 0).then(|| {
+            format!("names of properties are read without CloudCompare's prefix `{PREFIX}` ({n} of them)")
+        })
+    }
+
     /// The encoding of the rows.
     pub(super) fn encoding(&self) -> Encoding {
         self.parsed.encoding
@@ -107,7 +117,7 @@ impl Header {
         }
         let counts: Vec<String> = self.elements().map(|e| format!("{} {}", e.count, e.name)).collect();
         Err(mismatch(
-            format_args!("{n_bytes} bytes after the header"),
+            format_args!("{} after the header", bytes_in_words(n_bytes as u64)),
             format_args!("at least {least} for {}", counts.join(", ")),
         ))
     }
@@ -168,8 +178,8 @@ fn split(bytes: &[u8]) -> Result<(String, &[u8]), Mismatch> {
 const PREFIX: &str = "scalar_";
 
 /// The header with CloudCompare's prefix taken off the names of properties, unless the element has one of the
-/// name already.
-fn without_prefixes(text: &str) -> String {
+/// name already, and the number of these properties.
+fn without_prefixes(text: &str) -> (String, usize) {
     let mut elements = vec![HashSet::new()];
     for line in text.lines() {
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
@@ -185,7 +195,7 @@ fn without_prefixes(text: &str) -> String {
     }
     let mut names = elements.into_iter();
     let mut taken = names.next().unwrap_or_default();
-    let mut plain = String::with_capacity(text.len());
+    let (mut plain, mut n) = (String::with_capacity(text.len()), 0);
     for line in text.lines() {
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         match words[..] {
@@ -195,6 +205,7 @@ fn without_prefixes(text: &str) -> String {
                 let short = name.trim_start_matches(PREFIX);
                 if !short.is_empty() && short != name && taken.insert(short) {
                     plain += &format!("property {kind} {short}\n");
+                    n += 1;
                     continue;
                 }
             }
@@ -203,7 +214,7 @@ fn without_prefixes(text: &str) -> String {
         plain.push_str(line);
         plain.push('\n');
     }
-    plain
+    (plain, n)
 }
 
 /// Checks lines with numbers that would make ply-rs panic, and counts the declarations.

@@ -10,7 +10,7 @@ use stylegaussian::{
 };
 
 use super::{
-    color::{Color, spherical_harmonics},
+    color::{BYTE, Color, Stored, spherical_harmonics},
     columns::{Rows, check_end, read_columns},
     distant,
     header::Header,
@@ -47,9 +47,14 @@ pub(super) fn read(header: &Header, bytes: Vec<u8>) -> Result<Loaded, Mismatch> 
     let mut names = geometry(vertex, &mut warnings)?;
     let n_scales = names.len() - SCALE;
     let filter = vertex.properties.contains_key(FILTER).then_some(names.len());
-    names.extend(filter.map(|_| FILTER.to_owned()));
+    if filter.is_some() {
+        names.push(FILTER.to_owned());
+        warnings.push(format!(
+            "each Gaussian is widened, and its opacity lowered, by its {FILTER} (mip-splatting)"
+        ));
+    }
     let first_color = names.len();
-    let color = Color::choose(vertex)?;
+    let mut color = Color::choose(vertex)?;
     if color == Color::None {
         warnings.push("no color (f_dc_0..2 or red green blue): every Gaussian is mid-gray".into());
     }
@@ -60,7 +65,7 @@ pub(super) fn read(header: &Header, bytes: Vec<u8>) -> Result<Loaded, Mismatch> 
     names.extend(color.names());
     check_end(header, &bytes)?;
     let mut rows = read_columns(header, bytes.into(), "vertex", &names)?;
-    decode_halves(header, vertex, &names, &color, &mut rows, &mut warnings)?;
+    decode_halves(header, vertex, &names, &mut color, &mut rows, &mut warnings)?;
     let (offset, means) = distant::means(&rows, header, n_scales).unzip();
     // Most of the file is spherical harmonics, and its memory is free after them.
     let sh = spherical_harmonics(&rows, &color, first_color, &mut warnings);
@@ -120,7 +125,8 @@ pub(super) fn log_scales(rows: &Rows, i: usize, n_scales: usize) -> Vec3 {
 }
 
 /// Decodes half floats in properties of 16 bits, which PLY has no type for. Whole numbers stay what they are if
-/// their bits make no sense as half floats.
+/// their bits make no sense as half floats. Colors, which are whole numbers in other files, are half floats
+/// only beside others.
 ///
 /// # Errors
 /// If they are no half floats, and are opacities or sizes: before their activations these are no whole numbers.
@@ -128,7 +134,7 @@ fn decode_halves(
     header: &Header,
     vertex: &ElementDef,
     names: &[String],
-    color: &Color,
+    color: &mut Color,
     rows: &mut Rows,
     warnings: &mut Vec<String>,
 ) -> Result<(), Mismatch> {
@@ -141,17 +147,25 @@ fn decode_halves(
         let kind = vertex.properties.get(name).map(|property| &property.data_type);
         matches!(kind, Some(PropertyType::Scalar(ScalarType::Short | ScalarType::UShort)))
     };
-    let columns: Vec<usize> =
-        (0..names.len()).filter(|&i| is_short(&names[i]) && !is_color(&names[i])).collect();
+    let (colors, mut columns): (Vec<usize>, Vec<usize>) =
+        (0..names.len()).filter(|&i| is_short(&names[i])).partition(|&i| is_color(&names[i]));
     if columns.is_empty() {
         return Ok(());
     }
-    let listed: Vec<&str> = columns.iter().take(14).map(|&i| names[i].as_str()).collect();
-    let listed = listed.join(" ") + if columns.len() > listed.len() { " .." } else { "" };
-    if rows.take_for_halves(&columns) {
-        warnings.push(format!("properties of 16 bits ({listed}) are read as half floats"));
+    let listed = |columns: &[usize]| {
+        let listed: Vec<&str> = columns.iter().take(14).map(|&i| names[i].as_str()).collect();
+        listed.join(" ") + if columns.len() > listed.len() { " .." } else { "" }
+    };
+    if rows.take_for_halves(&columns, f32::MIN..=f32::MAX) {
+        // Bright colors of 16 bits are the bits of numbers below 0.
+        if colors.len() == 3 && rows.take_for_halves(&colors, 0.0..=BYTE) {
+            *color = Color::Rgb(Stored::Float);
+            columns.extend(colors);
+        }
+        warnings.push(format!("properties of 16 bits ({}) are read as half floats", listed(&columns)));
         return Ok(());
     }
+    let listed = listed(&columns);
     let is_logarithmic = |&i: &usize| names[i] == GEOMETRY[OPACITY] || names[i].starts_with("scale_");
     if columns.iter().any(is_logarithmic) {
         return Err(mismatch(
@@ -185,8 +199,8 @@ fn left_out_motion(vertex: &ElementDef) -> Option<String> {
     let (first, last) = (names.first()?, names.last()?);
     let listed = if names.len() == 1 { (*first).to_owned() } else { format!("{first} .. {last}") };
     Some(format!(
-        "left out the motion of a 4D scene ({} properties, {listed}): all Gaussians stand still, at all times",
-        names.len()
+        "left out the motion of a 4D scene ({}, {listed}): all Gaussians stand still, at all times",
+        if names.len() == 1 { "1 property".to_owned() } else { format!("{} properties", names.len()) }
     ))
 }
 

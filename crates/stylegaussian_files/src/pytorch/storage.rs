@@ -7,7 +7,7 @@ use half::{bf16, f16};
 
 use crate::{
     archive::Archive,
-    error::{Mismatch, mismatch},
+    error::{Mismatch, bytes_in_words, mismatch},
 };
 
 use super::{
@@ -76,7 +76,7 @@ impl Storages {
         let n_stored = stored.len() / width;
         if n_stored < storage.n_elements {
             return Err(mismatch(
-                format_args!("entry `{entry}` of {} bytes", stored.len()),
+                format_args!("entry `{entry}` of {}", bytes_in_words(stored.len() as u64)),
                 format_args!("{} numbers of {width} bytes", storage.n_elements),
             ));
         }

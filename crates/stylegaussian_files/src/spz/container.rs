@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 
 use super::header::{HAS_EXTENSIONS, Header, N_BYTES};
-use crate::error::{Mismatch, mismatch};
+use crate::error::{Mismatch, bytes_in_words, mismatch};
 
 /// The first two bytes of a gzip file.
 pub(super) const GZIP: [u8; 2] = [0x1f, 0x8b];
@@ -38,7 +38,10 @@ pub(super) fn unpack(bytes: &[u8]) -> Result<Contents, Mismatch> {
         // The end of the data was read, and the checksum with it. The rest follows the gzip member.
         return match decoder.get_ref().get_ref().1.len() {
             0 => Ok(contents),
-            n => Err(mismatch(format_args!("{n} bytes after the gzip data"), "the end of the file")),
+            n => Err(mismatch(
+                format_args!("{} after the gzip data", bytes_in_words(n as u64)),
+                "the end of the file",
+            )),
         };
     }
     match bytes.get(..N_BYTES) {
@@ -117,7 +120,7 @@ fn take(source: &mut dyn Read, n_bytes: u64, name: &str) -> Result<Vec<u8>, Mism
         found if found == n_bytes => Ok(bytes),
         found => Err(mismatch(
             format_args!("the end of the data in the {name}"),
-            format_args!("{} bytes more", n_bytes - found),
+            format_args!("{} more", bytes_in_words(n_bytes - found)),
         )),
     }
 }
@@ -130,7 +133,7 @@ fn broken(error: io::Error) -> Mismatch {
 /// Reads version 4: a header of 32 bytes, extensions, a table of the frames' lengths, and a zstd frame for each
 /// array that is not empty.
 fn unpack_frames(bytes: &[u8]) -> Result<Contents, Mismatch> {
-    let cut = || mismatch(format_args!("{} bytes", bytes.len()), "an SPZ header and a table of streams");
+    let cut = || mismatch(bytes_in_words(bytes.len() as u64), "an SPZ header and a table of streams");
     let header = Header::parse(bytes.first_chunk().ok_or_else(cut)?)?;
     let at_table =
         u32::from_le_bytes(*bytes.get(16..20).and_then(<[u8]>::first_chunk).ok_or_else(cut)?) as usize;
@@ -147,7 +150,7 @@ fn unpack_frames(bytes: &[u8]) -> Result<Contents, Mismatch> {
     for (entry, (array, n_bytes)) in table.as_chunks::<16>().0.iter().zip(expected) {
         let [compressed, plain] = [0, 8].map(|at| u64::from_le_bytes(std::array::from_fn(|i| entry[at + i])));
         if plain != n_bytes {
-            let found = format_args!("{plain} bytes of {}", NAMES[array]).to_string();
+            let found = format_args!("{} of {}", bytes_in_words(plain), NAMES[array]).to_string();
             return Err(mismatch(found, format_args!("{n_bytes} for {} Gaussians", header.n)));
         }
         let (frame, after) =
@@ -162,7 +165,7 @@ fn unpack_frames(bytes: &[u8]) -> Result<Contents, Mismatch> {
     }
     if !rest.is_empty() {
         return Err(mismatch(
-            format_args!("{} bytes after the last stream", rest.len()),
+            format_args!("{} after the last stream", bytes_in_words(rest.len() as u64)),
             "the end of the file",
         ));
     }

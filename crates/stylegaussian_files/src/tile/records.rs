@@ -9,7 +9,7 @@ use stylegaussian::{
     sh,
 };
 
-use crate::error::{FileError, mismatch};
+use crate::error::{FileError, bytes_in_words, mismatch};
 
 /// The place of the coefficients in a record, after mean, rotation, scales and opacity.
 const COEFFICIENTS: usize = 11;
@@ -77,8 +77,11 @@ pub(super) fn read(path: &Path, n: usize, degree: u8) -> Result<Vec<f32>, FileEr
     let n_numbers = n.saturating_mul(width(degree));
     let expected = (n_numbers as u64).saturating_mul(size_of::<f32>() as u64);
     if size != expected {
-        let found = format_args!("{size} bytes").to_string();
-        return Err(mismatch(found, format_args!("{expected}: remove the folder, and start anew")).at(path));
+        return Err(mismatch(
+            bytes_in_words(size),
+            format_args!("{expected}: remove the folder, and start anew"),
+        )
+        .at(path));
     }
     let mut records = vec![0.0; n_numbers];
     file.read_exact(bytemuck::cast_slice_mut(&mut records)).map_err(at)?;

@@ -129,7 +129,7 @@ pub enum CamerasError {
     /// The file or folder has no known format.
     #[error(
         "{path}: found no cameras, expected transforms.json, transforms_train.json, 3DGS cameras.json, or a \
-         COLMAP model (cameras and images, .txt or .bin, here, in sparse/0 or in colmap/sparse/0)",
+         COLMAP model (cameras and images, .txt or .bin, here, in 0, in sparse/0 or in colmap/sparse/0)",
         path = .path.display()
     )]
     Unrecognized {

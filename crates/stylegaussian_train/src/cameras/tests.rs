@@ -198,7 +198,7 @@ fn colmap_text() {
     let folder = folder(&files);
     fs::create_dir(folder.path().join("images")).unwrap();
     fs::write(folder.path().join("images/a.jpg"), b"").unwrap();
-    for path in ["", "sparse/0", "sparse/0/images.txt"] {
+    for path in ["", "sparse", "sparse/0", "sparse/0/images.txt"] {
         let set = read_cameras(&folder.path().join(path)).unwrap();
         assert_eq!(set.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["a.jpg", "b c.jpg"]);
         check_fixture(&set.cameras[0].camera, Vec2::new(21.0, 14.0));
@@ -206,7 +206,7 @@ fn colmap_text() {
         assert!(set.cameras[0].require_photo().is_ok());
         assert!(set.cameras[1].require_photo().unwrap_err().to_string().contains("b c.jpg"));
     }
-    check_error(&folder.path().join("sparse"), &["sparse", "found no cameras", "COLMAP"]);
+    check_error(&folder.path().join("images"), &["images", "found no cameras", "COLMAP"]);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Worlds of any scale: the same things in other units give the same pictures.
 
-use crate::splat::Colors;
+use crate::{random::Random, splat::Colors};
 
 use super::*;
 
@@ -55,9 +55,61 @@ fn chosen_cameras_see_the_same_in_every_unit() {
     }
 }
 
+/// A half-transparent ball on the ground, denser in its middle, and a background far away. The gaps in the ball
+/// are nearly wide enough to stand in.
+fn ball_on_the_ground() -> Scene {
+    let mut random = Random::new(9);
+    let mut scene = Scene { up: Some(Vec3::Y), ..Scene::default() };
+    let mut add = |mean: Vec3, scale: f32| {
+        scene.means.push(mean);
+        scene.rotations.push(Quat::IDENTITY);
+        scene.scales.push(Vec3::splat(scale));
+        scene.opacities.push(0.8);
+        scene.order.push(scene.order.len() as u32);
+        scene.n_source += 1;
+    };
+    let direction = |random: &mut Random| {
+        Vec3::new(random.normal(), random.normal(), random.normal()).normalize_or(Vec3::X)
+    };
+    for _ in 0..4000 {
+        add(0.2 * 5.0_f32.powf(random.uniform()) * direction(&mut random), 0.04);
+    }
+    for _ in 0..1700 {
+        let (distance, angle) = (6.0 * random.uniform().sqrt(), std::f32::consts::TAU * random.uniform());
+        add(Vec3::new(distance * angle.cos(), -1.0, distance * angle.sin()), 0.12);
+    }
+    for _ in 0..300 {
+        let distance = 5.0 * 20.0_f32.powf(random.uniform());
+        let mean = distance * direction(&mut random);
+        add(mean.with_y(mean.y.abs()), 0.06 * distance);
+    }
+    scene
+}
+
+#[test]
+fn cameras_stand_at_the_same_places_in_every_unit() {
+    let scene = ball_on_the_ground();
+    let choose = |scene: &Scene| [orbit(scene, 3, SIZE), choose_views(scene, 4, SIZE)].concat();
+    let cameras = choose(&scene);
+    for camera in &cameras {
+        assert!(camera.position().length() > 1.5, "within the ball: {}", camera.position());
+    }
+    for factor in [1e-3, 0.1, 10.0, 1e3] {
+        let found = choose(&scaled(&scene, factor));
+        assert_eq!(found.len(), cameras.len());
+        for (found, camera) in found.iter().zip(&cameras) {
+            let moved = found.position().distance(factor * camera.position()) / factor;
+            // Roundings may move the box by a Gaussian.
+            assert!(moved < 0.02, "{factor}: {moved} away from {}", camera.position());
+            assert!((found.near / (factor * camera.near) - 1.0).abs() < 0.02, "{factor}: {}", found.near);
+        }
+    }
+}
+
 #[test]
 fn rooms_of_any_scale_are_seen_from_within() {
-    for factor in [1e-4, 1e4] {
+    // A fifth of the room is about as large as the unit.
+    for factor in [1e-4, 0.2, 1e4] {
         let scene = scaled(&room(), factor);
         for camera in orbit(&scene, 3, SIZE) {
             let eye = camera.position() / factor;

@@ -24,6 +24,11 @@ fn without(names: &[&str]) -> Vec<Property> {
 /// A file of `n` Gaussians, each value given by a function of the property's name and the row.
 fn many(n: usize, kind: &str, value: impl Fn(&str, usize) -> f64) -> Vec<u8> {
     let names: Vec<&str> = properties().iter().map(|property| property.1).collect();
+    many_of(&names, n, kind, value)
+}
+
+/// As [`many`], of these properties.
+fn many_of(names: &[&str], n: usize, kind: &str, value: impl Fn(&str, usize) -> f64) -> Vec<u8> {
     let mut bytes = format!("ply\nformat binary_little_endian 1.0\nelement vertex {n}\n").into_bytes();
     names.iter().for_each(|name| bytes.extend(format!("property {kind} {name}\n").bytes()));
     bytes.extend(b"end_header\n");
@@ -48,7 +53,7 @@ fn trained(name: &str, row: usize) -> f64 {
 fn bytes_after_the_last_row_are_counted() {
     // A row in which three bytes of color stand for the one that the header has.
     for (n, part) in [
-        (1, "found 1 bytes after the last row, expected the end of the file after 2 vertex"),
+        (1, "found 1 byte after the last row, expected the end of the file after 2 vertex"),
         (4, "found 4 bytes after the last row, 2 for each of 2 vertices, whose properties"),
         (57, "found 57 bytes after the last row, expected"),
     ] {
@@ -100,8 +105,12 @@ fn the_prefix_of_cloudcompare_is_taken_off() {
         text
     };
     let all = ["f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1"];
-    check_two(renamed("scalar_", &all).as_bytes());
-    check_two(renamed("scalar_scalar_", &["opacity", "rot_3", "f_dc_1"]).as_bytes());
+    let told = |n: usize| {
+        [format!("names of properties are read without CloudCompare's prefix `scalar_` ({n} of them)")]
+    };
+    assert_eq!(warnings_of_two(renamed("scalar_", &all).as_bytes()), told(9));
+    let twice = renamed("scalar_scalar_", &["opacity", "rot_3", "f_dc_1"]);
+    assert_eq!(warnings_of_two(twice.as_bytes()), told(3));
     // Colors for display do not count beside those of the capture.
     let colored = renamed("scalar_", &all).replace("end_header", "property uchar red\nend_header");
     let colored = colored.replace(" \n", " 9 \n");
@@ -127,7 +136,9 @@ fn the_filter_of_mip_splatting_widens_gaussians() {
     let dropped = filtered([f64::NAN, 0.75]).unwrap();
     assert_eq!(dropped.scene.order, [1]);
     assert!((dropped.scene.scales[0] - 1.25).abs().max_element() < 1e-6);
-    assert!(dropped.warnings[0].contains("dropped 1 of 2"), "{:?}", dropped.warnings);
+    let [filter, dropped] = &dropped.warnings[..] else { panic!("{:?}", dropped.warnings) };
+    assert_eq!(filter, "each Gaussian is widened, and its opacity lowered, by its filter_3D (mip-splatting)");
+    assert!(dropped.contains("dropped 1 of 2"), "{dropped}");
     // Of flat Gaussians, which have no volume, a filter leaves nothing.
     let flat =
         plain(&[without(&["scale_2"]), vec![("float", "filter_3D", [0.75, 0.0])]].concat(), Format::Ascii);
@@ -145,7 +156,7 @@ fn motion_is_left_out_with_a_word() {
     ]);
     assert_eq!(spacetime.len(), 1, "{spacetime:?}");
     assert!(spacetime[0].contains("motion of a 4D scene (3 properties, motion_0 .. trbf_center)"));
-    assert!(warnings(&[("float", "t", [0.1; 2])])[0].contains("(1 properties, t)"));
+    assert!(warnings(&[("float", "t", [0.1; 2])])[0].contains("(1 property, t)"));
     assert!(warnings(&[("float", "velocity_0", [0.1; 2])])[0].contains("stand still"));
     assert!(warnings(&[("float", "tx", [0.1; 2]), ("float", "timestamp", [0.1; 2])]).is_empty());
 }
@@ -201,6 +212,38 @@ fn half_floats_in_words_are_decoded() {
     assert_eq!((scene.means[0].x, warnings.len()), (1.5, 0));
 }
 
+/// Unless they make no sense as half floats.
+#[test]
+fn colors_beside_half_floats_are_half_floats() {
+    let rgb = ["red", "green", "blue"];
+    let geometry = without(&["f_dc_0", "f_dc_1", "f_dc_2"]);
+    let names: Vec<&str> = geometry.iter().map(|property| property.1).chain(rgb).collect();
+    // 0 to 39 fortieths, other ones in each channel.
+    let share = |channel: usize, row: usize| ((7 * row + 3 * channel) % 40) as f64 / 40.0;
+    let read_with = |color: &dyn Fn(f64) -> f64| {
+        let value = |name: &str, row: usize| match rgb.iter().position(|&other| other == name) {
+            Some(channel) => color(share(channel, row)),
+            None => f64::from(f16::from_f64(trained(name, row)).to_bits()),
+        };
+        let Loaded { scene, warnings, .. } = read(many_of(&names, 40, "ushort", value)).unwrap();
+        for (row, color) in scene.base_colors().into_iter().enumerate() {
+            let expected = Vec3::from_array([0, 1, 2].map(|channel| share(channel, row) as f32));
+            assert!(Vec3::from(color).abs_diff_eq(expected, 2e-3), "{color:?} instead of {expected}");
+        }
+        warnings
+    };
+    let halves = |names: &str| {
+        let geometry = "x y z opacity rot_0 rot_1 rot_2 rot_3 scale_0 scale_1 scale_2";
+        format!("properties of 16 bits ({geometry}{names}) are read as half floats")
+    };
+    let to_255 = "colors (red green blue) are read as 0 to 255, by their values".to_owned();
+    let half = |value: f64| f64::from(f16::from_f64(value).to_bits());
+    assert_eq!(read_with(&half), [halves(" red green blue")]);
+    assert_eq!(read_with(&|share| half(255.0 * share)), [halves(" red green blue"), to_255.clone()]);
+    assert_eq!(read_with(&|share| (65_535.0 * share).round()), [halves("")]);
+    assert_eq!(read_with(&|share| (255.0 * share).round()), [halves(""), to_255]);
+}
+
 #[test]
 fn ranges_of_colors_are_told_by_their_values() {
     for (kind, range, expected) in [
@@ -241,12 +284,12 @@ fn files_of_reports() {
     for (name, n, up, part) in [
         ("R01_2dgs_two_scales", 60, None, "flat"),
         ("R02_half_as_ushort", 60, None, "half floats"),
-        ("R06_cloudcompare_scalar_names", 60, None, ""),
+        ("R06_cloudcompare_scalar_names", 60, None, "scalar_"),
         ("R07c_compressed_neg_inf_realistic", 600, None, ""),
         ("R09e_gsplat_compressed_sh_without_properties", 600, None, ""),
         ("R10b_nerfstudio_red_is_up", 300, Some(Vec3::Z), ""),
         ("R12b_rgb_float_0_255", 60, None, "0 to 255"),
-        ("R13_mip_splatting_filter_3D", 60, None, ""),
+        ("R13_mip_splatting_filter_3D", 60, None, "filter_3D"),
         ("R14_linear_scale_and_opacity", 60, None, "look like"),
         ("R21_spacetime_motion", 60, None, "motion of a 4D scene"),
     ] {

@@ -117,7 +117,11 @@ fn the_model_with_most_images_is_taken() {
         let files: Vec<(String, &[u8])> =
             files.iter().map(|(name, text)| (format!("{prefix}{name}"), text.as_bytes())).collect();
         let files: Vec<(&str, &[u8])> = files.iter().map(|(name, text)| (name.as_str(), *text)).collect();
-        read_cameras(folder(&files).path()).unwrap()
+        let folder = folder(&files);
+        let set = read_cameras(folder.path()).unwrap();
+        // The folder of the models shows the same.
+        assert_eq!(read_cameras(&folder.path().join(format!("{prefix}sparse"))).unwrap(), set);
+        set
     };
     for prefix in ["", "colmap/"] {
         for models in [&[(0, small.as_str()), (1, IMAGES_TXT)], &[(2, small.as_str()), (10, IMAGES_TXT)]] {
