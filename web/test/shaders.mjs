@@ -9,6 +9,10 @@ import { launch, serve } from "./browser.mjs";
 
 // Of https://www.w3.org/TR/webgpu/#limits.
 const STORAGE_BUFFERS = 8;
+// Two eyes of a masked scene are projected at once only where a device grants one more (`binds_masks` in the
+// crate of the GPU).
+const isMaskedPair = (code) => code.includes("other_geometry_halves") && /var<storage, read> mask\b/.test(code);
+const mostBuffers = (code) => STORAGE_BUFFERS + (isMaskedPair(code) ? 1 : 0);
 const folder = process.argv[2];
 const browser = await launch();
 const server = await serve([], { "/index.html": "<title>shaders</title>" });
@@ -36,9 +40,9 @@ for (const name of names) {
   const error = await page.evaluate(compile, code);
   const buffers = code.match(/var<storage/g)?.length ?? 0;
   if (error) console.error(`${name}: ${error}`);
-  const wrong = `found ${buffers} storage buffers, expected at most ${STORAGE_BUFFERS}`;
-  if (buffers > STORAGE_BUFFERS) console.error(`${name}: ${wrong}`);
-  failures += error !== null || buffers > STORAGE_BUFFERS ? 1 : 0;
+  const most = mostBuffers(code);
+  if (buffers > most) console.error(`${name}: found ${buffers} storage buffers, expected at most ${most}`);
+  failures += error !== null || buffers > most ? 1 : 0;
 }
 await browser.close();
 server.close();
