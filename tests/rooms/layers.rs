@@ -26,7 +26,7 @@ fn name_of(manifest: &str) -> Option<&str> {
     manifest.lines().find_map(|line| line.strip_prefix("name = \"")?.strip_suffix('"'))
 }
 
-/// What a manifest depends on, on any system. Tests and build scripts do not count.
+/// Dependencies of a manifest, on any system. Those of tests and build scripts do not count.
 fn dependencies_of(manifest: &str) -> BTreeSet<&str> {
     let mut names: BTreeSet<&str> = BTreeSet::new();
     let mut is_inside = false;

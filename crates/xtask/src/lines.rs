@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 /// The most characters on a line. Two more than rustfmt's `max_width`, which a comment may use up.
 const LONGEST: usize = 112;
 
-/// What `git ls-files` is asked for: all that is code. Documents are not.
+/// Patterns of `git ls-files` for all that is code. Documents are not.
 pub const CODE: &[&str] = &[
     "*.rs",
     "*.wgsl",

@@ -1,6 +1,9 @@
 //! Scenes of known shape: positions of cameras, and the parts that they must see.
 
-use crate::splat::{Colors, render};
+use crate::{
+    random::Random,
+    splat::{Colors, render},
+};
 use glam::{Quat, Vec3};
 
 use super::*;
@@ -42,6 +45,22 @@ fn box_on_a_floor() -> Scene {
     add_box(&mut scene, Vec3::new(-0.5, 0.0, -0.5), Vec3::new(0.5, 1.0, 0.5), 12);
     add_rectangle(&mut scene, Vec3::new(-2.0, 0.0, -2.0), 4.0 * Vec3::X, 4.0 * Vec3::Z, 24);
     scene
+}
+
+/// A point of the unit sphere.
+fn direction(random: &mut Random) -> Vec3 {
+    let around = Vec3::new(random.normal(), random.normal(), random.normal());
+    around.normalize_or(Vec3::X)
+}
+
+/// Adds a round Gaussian.
+fn add_ball(scene: &mut Scene, mean: Vec3, scale: f32) {
+    scene.means.push(mean);
+    scene.rotations.push(Quat::IDENTITY);
+    scene.scales.push(Vec3::splat(scale));
+    scene.opacities.push(0.8);
+    scene.order.push(scene.order.len() as u32);
+    scene.n_source += 1;
 }
 
 /// A room of 8 x 3 x 6 with furniture finer than the walls. Its file gives y as up, because floor and ceiling

@@ -4,22 +4,6 @@ use crate::{random::Random, splat::Colors};
 
 use super::*;
 
-/// A point of the unit sphere.
-fn direction(random: &mut Random) -> Vec3 {
-    let around = Vec3::new(random.normal(), random.normal(), random.normal());
-    around.normalize_or(Vec3::X)
-}
-
-/// Adds a round Gaussian.
-fn add_ball(scene: &mut Scene, mean: Vec3, scale: f32) {
-    scene.means.push(mean);
-    scene.rotations.push(Quat::IDENTITY);
-    scene.scales.push(Vec3::splat(scale));
-    scene.opacities.push(0.8);
-    scene.order.push(scene.order.len() as u32);
-    scene.n_source += 1;
-}
-
 /// The number of Gaussians that must be added so that they are this share of all.
 fn n_of(scene: &Scene, share: f32) -> usize {
     (share / (1.0 - share) * scene.len() as f32).round() as usize

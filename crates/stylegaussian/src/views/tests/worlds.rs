@@ -60,28 +60,17 @@ fn chosen_cameras_see_the_same_in_every_unit() {
 fn ball_on_the_ground() -> Scene {
     let mut random = Random::new(9);
     let mut scene = Scene { up: Some(Vec3::Y), ..Scene::default() };
-    let mut add = |mean: Vec3, scale: f32| {
-        scene.means.push(mean);
-        scene.rotations.push(Quat::IDENTITY);
-        scene.scales.push(Vec3::splat(scale));
-        scene.opacities.push(0.8);
-        scene.order.push(scene.order.len() as u32);
-        scene.n_source += 1;
-    };
-    let direction = |random: &mut Random| {
-        Vec3::new(random.normal(), random.normal(), random.normal()).normalize_or(Vec3::X)
-    };
     for _ in 0..4000 {
-        add(0.2 * 5.0_f32.powf(random.uniform()) * direction(&mut random), 0.04);
+        add_ball(&mut scene, 0.2 * 5.0_f32.powf(random.uniform()) * direction(&mut random), 0.04);
     }
     for _ in 0..1700 {
         let (distance, angle) = (6.0 * random.uniform().sqrt(), std::f32::consts::TAU * random.uniform());
-        add(Vec3::new(distance * angle.cos(), -1.0, distance * angle.sin()), 0.12);
+        add_ball(&mut scene, Vec3::new(distance * angle.cos(), -1.0, distance * angle.sin()), 0.12);
     }
     for _ in 0..300 {
         let distance = 5.0 * 20.0_f32.powf(random.uniform());
         let mean = distance * direction(&mut random);
-        add(mean.with_y(mean.y.abs()), 0.06 * distance);
+        add_ball(&mut scene, mean.with_y(mean.y.abs()), 0.06 * distance);
     }
     scene
 }
