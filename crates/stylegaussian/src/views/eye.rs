@@ -12,6 +12,11 @@
 //!
 //! Scenes of rays from about one spot have 0.05 to 0.35. Captures of things have 0.87 and more, and things in
 //! scenes of rays from all around have 0.5 and more.
+//!
+//! A small thing on a large floor under a far sky has a spot too: beside the thing, whose Gaussians are small
+//! because cameras went around it. What is near such a spot tells: sizes on the thing do not grow with the
+//! distance from there, and so vary more than before if that is divided out. Around the spot of a capture from
+//! within they vary less, in each part of the scene.
 
 use glam::{IVec3, Vec3};
 
@@ -33,6 +38,13 @@ const N_SAMPLE: usize = 2000;
 /// Steps from the middle to either side of the box, and the part of it that they reach.
 const STEPS: i32 = 3;
 const REACH: f32 = 0.8;
+
+/// Shares of the Gaussians nearest to a spot, and the variance that the distance may leave of their sizes, in
+/// parts of it. Around the spot of a capture the nearest are about equally far, so that it explains little of
+/// them: 0.2 to 1.05 are left, and up to 1.28 if the spot is the middle of a walk. Beside a thing that was seen
+/// from all around, 1.5 to 2.2 are left.
+const NEAREST: [f32; 3] = [0.1, 0.2, 0.4];
+const MOST_LEFT_OF_NEAREST: f64 = 1.4;
 
 /// Halvings of the steps around the best spot: the last ones are a hundredth of the box.
 const N_HALVINGS: usize = 5;
@@ -59,6 +71,13 @@ pub(super) fn eye(stand_in: &Scene, framed: &[f32], all: &Extent, dense: &Extent
     best(&sizes(stand_in, |i| framed[i] > 0.0), dense)?;
     let sizes = sizes(stand_in, |_| true);
     let at = best(&sizes, all)?;
+    let explains_nearest = |&share: &f32| {
+        let nearest = nearest(&sizes, at, share);
+        left(&nearest, at) <= MOST_LEFT_OF_NEAREST * whole(&nearest)
+    };
+    if !NEAREST.iter().all(explains_nearest) {
+        return None;
+    }
     let (_, room) = near(&sizes, at)?;
     Some(Eye { at, room })
 }
@@ -88,13 +107,19 @@ fn sizes(stand_in: &Scene, is_taken: impl Fn(usize) -> bool) -> Vec<(Vec3, f64)>
     sizes.into_iter().step_by(stride).collect()
 }
 
+/// Those nearest to a spot: this share of all, by their distance.
+fn nearest(sizes: &[(Vec3, f64)], at: Vec3, share: f32) -> Vec<(Vec3, f64)> {
+    let mut sizes = sizes.to_vec();
+    sizes.sort_by(|(a, _), (b, _)| a.distance_squared(at).total_cmp(&b.distance_squared(at)));
+    sizes.truncate((share * sizes.len() as f32) as usize);
+    sizes
+}
+
 /// The middle of what is near a spot, and how far it reaches, above 0. `None` if there is nothing.
 fn near(sizes: &[(Vec3, f64)], at: Vec3) -> Option<(Vec3, f32)> {
-    let mut means: Vec<Vec3> = sizes.iter().map(|(mean, _)| *mean).collect();
-    means.sort_by(|a, b| a.distance_squared(at).total_cmp(&b.distance_squared(at)));
-    means.truncate((NEAR_SHARE * means.len() as f32) as usize);
-    let room = means.last()?.distance(at);
-    (room > 0.0).then(|| (means.iter().sum::<Vec3>() / means.len() as f32, room))
+    let near = nearest(sizes, at, NEAR_SHARE);
+    let room = near.last()?.0.distance(at);
+    (room > 0.0).then(|| (near.iter().map(|(mean, _)| *mean).sum::<Vec3>() / near.len() as f32, room))
 }
 
 /// The variance of the sizes.

@@ -120,3 +120,30 @@ fn a_scene_can_tell_what_to_frame() {
     assert_eq!(orbit(&nothing, 2, SIZE).len(), 2);
     assert_eq!(choose_views(&nothing, 2, SIZE).len(), 2);
 }
+
+/// Sizes grow from the thing over the floor to the dome, as they would around the spot of a capture from within.
+#[test]
+fn a_small_thing_under_a_dome_is_seen_from_outside() {
+    const RADIUS: f32 = 0.5;
+    for (n, n_on_floor) in [(8000, 11_400), (3000, 11_400), (3000, 10_000)] {
+        let mut random = Random::new(9);
+        let mut thing = Scene { up: Some(Vec3::Y), ..Scene::default() };
+        for _ in 0..n {
+            let size = 0.02 * (0.2 * random.normal()).exp();
+            add_ball(&mut thing, RADIUS * direction(&mut random), size);
+        }
+        for _ in 0..n_on_floor {
+            let at = 6.0 * Vec3::new(2.0 * random.uniform() - 1.0, 0.0, 2.0 * random.uniform() - 1.0);
+            add_ball(&mut thing, at.with_y(-RADIUS), 0.07 * (0.2 * random.normal()).exp());
+        }
+        let scene = under_a_dome(thing, 0.15);
+        assert_eq!(framing(&scene).unwrap().eye, None, "{n}");
+        for camera in orbit(&scene, 4, SIZE) {
+            let distance = camera.position().length();
+            assert!(distance > 2.0 * RADIUS, "{n}: eye at {}", camera.position());
+            let view = camera.view_from_world.transform_point3(Vec3::ZERO);
+            let off = (camera.focal * view.truncate() / view.z).abs().max_element();
+            assert!(view.z > 0.0 && off < 0.25 * SIZE.x as f32, "{n}: off the middle by {off}");
+        }
+    }
+}
