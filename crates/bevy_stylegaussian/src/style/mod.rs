@@ -126,6 +126,7 @@ impl Plugin for StylePlugin {
                     make::job::report_drawn_styles,
                     make::frames::ask_for_frames,
                     make::shared::forget_unused_styles,
+                    make::packed::forget_unused_inputs,
                 )
                     .chain()
                     .in_set(StyleGaussianSystems::Styles)
