@@ -209,13 +209,13 @@ fn reading(name: String, bytes: Vec<u8>, of_worker: bool, is_embedded: bool) -> 
 pub fn show_loaded(
     mut commands: Commands,
     mut shown: ResMut<Shown>,
-    subject: Single<(Entity, Option<&mut GaussianSplats>, &mut Transform), With<Subject>>,
+    subject: Single<(Entity, Option<&GaussianSplats>, &mut Transform), With<Subject>>,
     view: Single<(&mut Orbit, &Camera)>,
     mut scenes: ResMut<Assets<GaussianScene>>,
     (mut wish, assets): (ResMut<Wish>, Res<AssetServer>),
 ) {
     let (entity, splats, mut transform) = subject.into_inner();
-    let begun = shown.begin(splats.as_ref().map(|splats| splats.0.id()), &scenes);
+    let begun = shown.begin(splats.map(|splats| splats.0.id()), &scenes);
     let next = begun.map_or_else(|error| Some(Err(error)), |()| shown.poll(&mut scenes, &assets));
     let Some(next) = next else { return };
     let last = std::mem::take(&mut shown.next);
@@ -236,12 +236,7 @@ pub fn show_loaded(
     if let Next::Asset(handle, path) = last {
         shown.asset = Some((handle.id(), path));
     }
-    match splats {
-        Some(mut splats) => splats.0 = handle,
-        None => {
-            commands.entity(entity).remove::<GaussianWorld>().insert(GaussianSplats(handle));
-        }
-    }
+    commands.entity(entity).remove::<GaussianWorld>().insert(GaussianSplats(handle));
     if !has_features {
         wish.forget_decoded();
     }

@@ -7,18 +7,16 @@ use bevy::math::UVec2;
 use bevy_stylegaussian::{
     stylegaussian::{
         Decoder, Neighbors, Scene,
+        fold::{ChannelMap, stylize},
         paint::{Paint, Painted},
-        restyle::{Recipe, Styles},
         views::choose_views,
-        work::Work,
     },
     stylegaussian_encoder::{Encoder, Image, StyleSize, paint_of, style_statistics},
     stylegaussian_files::{
-        ReadOptions, Reading, SceneReader, decoder_from_bytes, scene_to_bytes, style_from_bytes,
-        style_to_bytes,
+        ReadOptions, Reading, SceneReader, decoder_from_bytes, scene_to_bytes, style_to_bytes,
     },
 };
-use js_sys::{Array, Function, Uint8Array};
+use js_sys::Function;
 use stylegaussian_defaults::{DECODER, ENCODER, ENCODER_NAME};
 use stylegaussian_train::{
     Progress, Stage, Watch,
@@ -53,7 +51,9 @@ thread_local! {
 pub fn work_read(name: &str, bytes: Vec<u8>, tell: Function) -> Result<Vec<u8>, JsError> {
     TELL.set(Some(tell));
     tell_progress("reading", None);
-    let scene = read(bytes, name).map_err(|error| JsError::new(&error))?;
+    let mut scene = read(bytes, name).map_err(|error| JsError::new(&error))?;
+    // As in the `.sgs`, from which the app has it.
+    scene.sort_by_morton();
     let bytes = scene_to_bytes(SCENE, &scene)?;
     hold(scene);
     Ok(bytes)
@@ -91,8 +91,15 @@ pub fn work_encode(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, 
 pub fn work_pixels(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, JsError> {
     TELL.set(Some(tell));
     tell_progress("painting", None);
-    let painting = painting(name, bytes).map_err(|error| JsError::new(&error))?;
-    Ok(pixels(&paint_of(&painting)))
+    pixels_of(name, bytes).map_err(|error| JsError::new(&error))
+}
+
+/// What [`work_pixels`] returns.
+///
+/// # Errors
+/// If it is no such image.
+pub fn pixels_of(name: &str, bytes: &[u8]) -> Result<Vec<u8>, String> {
+    Ok(pixels(&paint_of(&painting(name, bytes)?)))
 }
 
 fn pixels(paint: &Paint) -> Vec<u8> {
@@ -106,17 +113,15 @@ fn pixels(paint: &Paint) -> Vec<u8> {
         .collect()
 }
 
-/// Decodes a mix of `.style.safetensors`, and returns the scene in these colors as a `.glb`.
+/// Returns the scene as a `.glb` in the colors that its decoder makes of its features by a [`ChannelMap`].
 #[wasm_bindgen]
-pub fn work_decode(styles: Array, weights: &[f32], content: f32) -> Result<Vec<u8>, JsError> {
-    let styles: Vec<Vec<u8>> = styles.iter().map(|bytes| Uint8Array::new(&bytes).to_vec()).collect();
-    let styles: Vec<_> = styles.iter().map(Vec::as_slice).zip(weights.iter().copied()).collect();
-    let scene = HELD.with_borrow(|held| decoded(&held.scene, &styles, content));
+pub fn work_decode(gain: Vec<f64>, shift: Vec<f64>) -> Result<Vec<u8>, JsError> {
+    let scene = HELD.with_borrow(|held| decoded(&held.scene, &ChannelMap { gain, shift }));
     Ok(scene_to_bytes("scene.glb", &scene.map_err(|error| JsError::new(&error))?)?)
 }
 
-/// Returns the scene as a `.glb` in colors and the mean of the strokes over them, bytes of a [`Painted`] in
-/// the order of a `.sgs`, or in its own colors if there are none.
+/// Returns the scene as a `.glb` in colors and the mean of the strokes over them, bytes of a [`Painted`], or in
+/// its own colors if there are none.
 #[wasm_bindgen]
 pub fn work_save(painted: &[u8]) -> Result<Vec<u8>, JsError> {
     let written = HELD.with_borrow(|held| saved(&held.scene, painted));
@@ -130,20 +135,13 @@ fn saved(scene: &Scene, painted: &[u8]) -> Result<Vec<u8>, String> {
         if painted.colors.len() != scene.len() {
             return Err(format!("found {} colors, expected {}", painted.colors.len(), scene.len()));
         }
-        let has_strokes = !painted.strokes.seeds.is_empty();
-        saved.set_colors(&if has_strokes { painted.flattened(scene) } else { painted.colors });
+        saved.set_colors(&painted.flattened(scene));
     }
     scene_to_bytes("scene.glb", &saved).map_err(|error| error.to_string())
 }
 
-/// A scene in the decoded colors of a mix of styles: bytes of `.style.safetensors`, and their weights.
-fn decoded(scene: &Scene, styles: &[(&[u8], f32)], content: f32) -> Result<Scene, String> {
-    let style = |(bytes, weight): &(&[u8], f32)| {
-        let style = style_from_bytes(bytes, "a style").map_err(|error| error.to_string())?;
-        Ok((style, f64::from(*weight)))
-    };
-    let styles = styles.iter().map(style).collect::<Result<Vec<_>, String>>()?;
-    let styles: Vec<_> = styles.iter().map(|(style, weight)| (style, *weight)).collect();
+/// A scene in decoded colors. It carries its decoder, or has the default one.
+fn decoded(scene: &Scene, map: &ChannelMap) -> Result<Scene, String> {
     let bundled;
     let decoder = match &scene.decoder {
         Some(decoder) => decoder,
@@ -153,12 +151,9 @@ fn decoded(scene: &Scene, styles: &[(&[u8], f32)], content: f32) -> Result<Scene
             &bundled
         }
     };
-    let mut decoder = decoder;
-    let styles = Styles::Decoded { styles, decode: &mut decoder };
-    let recipe = Recipe { looks: Vec::new(), styles, content: f64::from(content) };
-    let painted = recipe.restyle(scene, &Work::default()).map_err(|error| error.to_string())?;
+    let colors = stylize(scene, decoder, map).map_err(|error| error.to_string())?;
     let mut styled = scene.clone();
-    styled.set_colors(&painted.colors);
+    styled.set_colors(&colors);
     Ok(styled)
 }
 
@@ -175,18 +170,14 @@ fn tell_progress(what: &str, share: Option<f32>) {
     });
 }
 
-/// Reads a file that the visitor has dropped. Gaussians are in Morton order, as in a `.sgs`.
+/// Reads a file that the visitor has dropped. Gaussians are in the order of the file, as in the app's assets.
 ///
 /// # Errors
 /// If it is no scene, or one of several files.
 pub fn read(bytes: Vec<u8>, name: &str) -> Result<Scene, String> {
     let mut reader = SceneReader::new(bytes, name, ReadOptions::default());
     match reader.read().map_err(|error| error.to_string())? {
-        Reading::Scene(loaded) => {
-            let mut scene = loaded.scene;
-            scene.sort_by_morton();
-            Ok(scene)
-        }
+        Reading::Scene(loaded) => Ok(loaded.scene),
         Reading::Needs(names) => {
             Err(format!("{name}: it needs other files ({}), expected a scene in one file", names.join(", ")))
         }
@@ -224,6 +215,8 @@ impl Held {
         let views: Vec<_> = cameras.iter().enumerate().map(view).collect();
         let watch = Watch { progress: &tell_embedding, ..Watch::default() };
         let mut scene = self.scene.clone();
+        // As in the `.sgs`, from which the app has it.
+        scene.sort_by_morton();
         embed(&mut scene, &views, encoder, &EmbedOptions::default(), watch)
             .map_err(|error| error.to_string())?;
         scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, Decoder::K));
@@ -247,7 +240,15 @@ fn tell_embedding(now: Progress) {
 
 #[cfg(test)]
 mod tests {
-    use bevy_stylegaussian::stylegaussian::paint::{Canvas, Surface};
+    use bevy_stylegaussian::{
+        stylegaussian::{
+            fold::transfer,
+            paint::{Canvas, Surface},
+            restyle::Recipe,
+            work::Work,
+        },
+        stylegaussian_files::style_from_bytes,
+    };
 
     use super::*;
 
@@ -308,9 +309,12 @@ mod tests {
         let style = held.encode("halftone.png", png).unwrap();
         let error = held.encode("halftone.png", &png[..100]).unwrap_err();
         assert!(error.starts_with("halftone.png"), "{error}");
-        let styled = decoded(&held.scene, &[(&style, 1.0)], 0.0).unwrap();
+        let style = style_from_bytes(&style, "halftone.png").unwrap();
+        let map = transfer(held.scene.features.as_ref().unwrap(), &[(&style, 1.0)], 0.0).unwrap();
+        let styled = decoded(&held.scene, &map).unwrap();
         assert_ne!(styled.base_colors(), held.scene.base_colors());
-        assert!(decoded(&held.scene, &[], 0.0).unwrap_err().contains("mix weights"));
+        held.scene.features = None;
+        assert!(decoded(&held.scene, &map).unwrap_err().contains("no features"));
     }
 
     #[test]
