@@ -167,6 +167,12 @@ pub(crate) fn has_unsettled_styles(world: &mut World) -> bool {
     jobs.iter(world).any(|jobs| jobs.of_scene.iter().any(|job| !job.is_shown()))
 }
 
+/// Number of styles that are computed or kept.
+#[cfg(all(test, feature = "images"))]
+pub(crate) fn n_known_styles(world: &World) -> usize {
+    world.resource::<make::shared::SharedStyles>().n_known()
+}
+
 fn register_types(app: &mut App) {
     app.register_type::<StyleStatistics>()
         .register_type::<StyleLook>()

@@ -45,6 +45,12 @@ pub(crate) struct SharedStyle {
 }
 
 impl SharedStyles {
+    /// Number of styles that are computed or kept.
+    #[cfg(all(test, feature = "images"))]
+    pub(crate) fn n_known(&self) -> usize {
+        self.0.len()
+    }
+
     /// The style of a request: one that is there or on its way, or a new one whose computation begins.
     pub(crate) fn get(
         &mut self,
