@@ -260,7 +260,7 @@ impl Styles<'_> {
                     let how = (&hand, content, company);
                     return Ok(paint::lay_beside(scene, surface, &paintings, how, work)?);
                 }
-                Pin::check_for(hand.pins, paintings.iter().map(|(canvas, _)| *canvas))?;
+                Pin::check_for(hand.pins, surface, paintings.iter().map(|(canvas, _)| *canvas))?;
                 Ok(paint::lay(scene, surface, &paintings, &hand, content, work)?)
             }
             Self::Decoded { styles, decode } => {

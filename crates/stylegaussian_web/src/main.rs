@@ -65,7 +65,6 @@ fn main() -> AppExit {
                 bridge::take_requests,
                 (
                     scene::open,
-                    world::show_loaded,
                     scene::show_loaded,
                     world::set_budget,
                     camera::turn,

@@ -5,7 +5,6 @@ use std::{collections::HashMap, sync::Arc};
 
 use bevy::{
     asset::RenderAssetUsages,
-    image::{CompressedImageFormats, ImageSampler, ImageType},
     prelude::*,
     render::render_resource::{Extent3d, TextureDimension, TextureFormat},
 };
@@ -14,11 +13,10 @@ use bevy_stylegaussian::{
     stylegaussian_files::style_from_bytes,
 };
 use js_sys::Uint8Array;
-use wasm_bindgen::JsValue;
 
 use crate::{
     bridge::{self, Event, Request},
-    memory, style,
+    memory, style, work,
     worker::{self, Call, State},
 };
 
@@ -29,14 +27,10 @@ pub struct Paintings(HashMap<String, Painting>);
 /// A painting.
 struct Painting {
     file: File,
-    /// Its pixels, once somebody paints with them.
-    image: Option<Handle<Image>>,
-    /// The worker's part in them.
-    pixels: Stage<()>,
-    /// The statistics for the decoder, once the worker has encoded the painting.
-    style: Handle<StyleStatistics>,
-    /// The worker's part in them, and the bytes of the style.
-    encoded: Stage<Vec<u8>>,
+    /// Its pixels, which are painted with.
+    image: Made<Image>,
+    /// Its statistics, which the decoder takes.
+    style: Made<StyleStatistics>,
 }
 
 /// The file of a painting.
@@ -47,31 +41,25 @@ enum File {
     Asset(String),
 }
 
-/// Something that the worker makes.
-enum Stage<T> {
-    No,
-    Wanted,
-    Coming(Call),
-    Yes(T),
+/// An asset of a painting, which the worker makes.
+struct Made<A: Asset> {
+    /// `None` until somebody needs it.
+    handle: Option<Handle<A>>,
+    /// The call that makes it, until it is answered.
+    call: Option<Call>,
 }
 
 impl Painting {
-    fn new(file: File, styles: &Assets<StyleStatistics>) -> Self {
-        let style = styles.reserve_handle();
-        Self { file, image: None, pixels: Stage::No, style, encoded: Stage::No }
+    fn new(file: File) -> Self {
+        Self { file, image: Made { handle: None, call: None }, style: Made { handle: None, call: None } }
     }
 }
 
 /// Takes images that the visitor has dropped.
-pub fn take_dropped(
-    mut requests: MessageReader<Request>,
-    mut paintings: ResMut<Paintings>,
-    styles: Res<Assets<StyleStatistics>>,
-) {
+pub fn take_dropped(mut requests: MessageReader<Request>, mut paintings: ResMut<Paintings>) {
     for request in requests.read() {
         let Request::AddPainting { name, bytes } = request else { continue };
-        let painting = Painting::new(File::Dropped(bytes.clone()), &styles);
-        paintings.0.insert(format!("image:{name}"), painting);
+        paintings.0.insert(format!("image:{name}"), Painting::new(File::Dropped(bytes.clone())));
     }
 }
 
@@ -91,59 +79,38 @@ impl Paintings {
         styles: &Assets<StyleStatistics>,
     ) -> Result<Option<StyleInput>, String> {
         if let Some(path) = name.strip_prefix("paint:").filter(|path| style::is_plain(path)) {
-            let asset = || Painting::new(File::Asset(format!("styles/{path}")), styles);
+            let asset = || Painting::new(File::Asset(format!("styles/{path}")));
             self.0.entry(name.into()).or_insert_with(asset);
         }
         let Some(painting) = self.0.get_mut(name) else { return Ok(None) };
         let has_worker = worker::state() != State::Absent;
         if has_worker && by_decoder {
-            if matches!(painting.encoded, Stage::No) {
-                painting.encoded = Stage::Wanted;
+            let style = painting.style.handle.get_or_insert_with(|| styles.reserve_handle());
+            return Ok(Some(StyleInput::Preset(style.clone())));
+        }
+        let image = match (&painting.image.handle, &painting.file) {
+            (Some(image), _) => image.clone(),
+            _ if has_worker => images.reserve_handle(),
+            (None, File::Dropped(bytes)) => {
+                images.add(image_of(&work::pixels_of(file_name(name), &memory::copied(bytes)?)?)?)
             }
-            return Ok(Some(StyleInput::Preset(painting.style.clone())));
-        }
-        if painting.image.is_none() {
-            painting.image = Some(match &painting.file {
-                _ if has_worker => {
-                    painting.pixels = Stage::Wanted;
-                    images.reserve_handle()
-                }
-                File::Dropped(bytes) => images.add(decode(&memory::copied(bytes)?)?),
-                File::Asset(path) => assets.load(path.clone()),
-            });
-        }
-        Ok(painting.image.clone().map(StyleInput::Image))
+            (None, File::Asset(path)) => assets.load(path.clone()),
+        };
+        painting.image.handle = Some(image.clone());
+        Ok(Some(StyleInput::Image(image)))
     }
 }
 
-impl Paintings {
-    /// The file of a painting's statistics for the worker, or `None` if there is none yet.
-    pub fn style_file(&self, name: &str) -> Option<JsValue> {
-        match &self.0.get(name)?.encoded {
-            Stage::Yes(bytes) => Some(worker::bytes(bytes)),
-            _ => None,
-        }
-    }
-}
-
-/// Decodes an image. Its content decides its format, and not a name.
-fn decode(bytes: &[u8]) -> Result<Image, String> {
-    let kind = match bytes {
-        [0xff, 0xd8, ..] => "jpg",
-        [0x89, b'P', b'N', b'G', ..] => "png",
-        _ => return Err("found neither a JPEG nor a PNG image".into()),
-    };
-    let sampler = ImageSampler::default();
-    let usage = RenderAssetUsages::MAIN_WORLD;
-    Image::from_buffer(bytes, ImageType::Extension(kind), CompressedImageFormats::NONE, true, sampler, usage)
-        .map_err(|error| error.to_string())
+/// The name of a style without its kind.
+fn file_name(style: &str) -> &str {
+    style.split_once(':').map_or(style, |(_, name)| name)
 }
 
 /// An image of RGBA, behind its width and height.
 ///
 /// # Errors
 /// If there are fewer pixels, or more.
-fn image(bytes: &[u8]) -> Result<Image, String> {
+fn image_of(bytes: &[u8]) -> Result<Image, String> {
     let (size, pixels) = bytes.split_first_chunk::<8>().ok_or("found a part of an image")?;
     let [width, height] = [0, 4].map(|at| u32::from_le_bytes([0, 1, 2, 3].map(|i| size[at + i])));
     // Four bytes each, of numbers that may be anything.
@@ -162,62 +129,56 @@ pub fn advance(
     mut styles: ResMut<Assets<StyleStatistics>>,
     mut images: ResMut<Assets<Image>>,
 ) {
-    for (name, painting) in &mut paintings.0 {
-        // Asked for again, it is tried again.
-        if let Err(error) = painting.advance_style(name, &mut styles) {
-            bridge::tell(Event::Failed, &error);
-            painting.encoded = Stage::No;
-        }
-        if let Err(error) = painting.advance_pixels(name, &mut images) {
-            bridge::tell(Event::Failed, &error);
-            (painting.pixels, painting.image) = (Stage::No, None);
-        }
+    for (name, Painting { file, image, style }) in &mut paintings.0 {
+        let name = file_name(name);
+        style.advance(&mut styles, || file.call("work_encode", name), |bytes| statistics_of(bytes, name));
+        image.advance(&mut images, || file.call("work_pixels", name), image_of);
     }
 }
 
-impl Painting {
-    /// Has the worker, which is ready, do this with the painting of this name.
+/// The statistics of a painting, as the worker writes them.
+fn statistics_of(bytes: &[u8], name: &str) -> Result<StyleStatistics, String> {
+    let statistics = style_from_bytes(bytes, name).map_err(|error| error.to_string())?;
+    Ok(StyleStatistics { statistics: Arc::new(statistics), paint: None })
+}
+
+impl File {
+    /// Has the worker, which is ready, do this with a painting of this name.
     fn call(&self, function: &str, name: &str) -> Call {
-        let file = match &self.file {
-            File::Dropped(bytes) => bytes.clone().into(),
-            File::Asset(path) => worker::asset(path),
+        let file = match self {
+            Self::Dropped(bytes) => bytes.clone().into(),
+            Self::Asset(path) => worker::asset(path),
         };
-        let name = name.split_once(':').map_or(name, |(_, name)| name);
         worker::call(function, &[name.into(), file])
     }
+}
 
-    fn advance_style(&mut self, name: &str, styles: &mut Assets<StyleStatistics>) -> Result<(), String> {
-        match &self.encoded {
-            Stage::Wanted if worker::state() == State::Ready => {
-                self.encoded = Stage::Coming(self.call("work_encode", name));
+impl<A: Asset> Made<A> {
+    /// Has the worker make the asset by `begin` once it is needed, and takes it as `read` gives it.
+    fn advance(
+        &mut self,
+        assets: &mut Assets<A>,
+        begin: impl FnOnce() -> Call,
+        read: impl FnOnce(&[u8]) -> Result<A, String>,
+    ) {
+        let Some(handle) = &self.handle else { return };
+        let answer = match &self.call {
+            None if worker::state() == State::Ready && !assets.contains(handle) => {
+                self.call = Some(begin());
+                return;
             }
-            Stage::Coming(call) => {
-                let Some(bytes) = call.answer().transpose()? else { return Ok(()) };
-                let statistics = style_from_bytes(&bytes, name).map_err(|error| error.to_string())?;
-                let style = StyleStatistics { statistics: Arc::new(statistics), paint: None };
-                styles.insert(&self.style, style).map_err(|error| error.to_string())?;
-                self.encoded = Stage::Yes(bytes);
-            }
-            _ => {}
+            None => return,
+            Some(call) => call.answer(),
+        };
+        let Some(answer) = answer else { return };
+        self.call = None;
+        let asset = answer.and_then(|bytes| read(&bytes));
+        let put = asset.and_then(|asset| assets.insert(handle, asset).map_err(|error| error.to_string()));
+        if let Err(error) = put {
+            bridge::tell(Event::Failed, &error);
+            // Asked for again, it is tried again.
+            self.handle = None;
         }
-        Ok(())
-    }
-
-    fn advance_pixels(&mut self, name: &str, images: &mut Assets<Image>) -> Result<(), String> {
-        match &self.pixels {
-            Stage::Wanted if worker::state() == State::Ready => {
-                self.pixels = Stage::Coming(self.call("work_pixels", name));
-            }
-            Stage::Coming(call) => {
-                let Some(bytes) = call.answer().transpose()? else { return Ok(()) };
-                if let Some(handle) = &self.image {
-                    images.insert(handle, image(&bytes)?).map_err(|error| error.to_string())?;
-                }
-                self.pixels = Stage::Yes(());
-            }
-            _ => {}
-        }
-        Ok(())
     }
 }
 
@@ -226,22 +187,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_images_are_decoded() {
-        let png = include_bytes!("../../../assets/styles/halftone.png");
-        assert!(decode(png).is_ok());
-        assert!(decode(&png[..100]).is_err());
-        assert!(decode(b"GIF89a").is_err());
-        assert!(decode(b"").is_err());
-    }
-
-    #[test]
     fn pixels_of_the_worker_are_as_many_as_it_says() {
         let bytes = [&[2, 0, 0, 0, 1, 0, 0, 0][..], &[7; 8]].concat();
-        let image = image(&bytes).unwrap();
+        let image = image_of(&bytes).unwrap();
         assert_eq!((image.width(), image.height()), (2, 1));
         assert_eq!(image.data.as_deref(), Some(&[7; 8][..]));
         for bad in [&bytes[..15], &bytes[..7], &[0; 8], &[0xff; 8]] {
-            assert!(super::image(bad).is_err(), "{bad:?}");
+            assert!(image_of(bad).is_err(), "{bad:?}");
         }
     }
 }

@@ -7,18 +7,16 @@ use bevy::{
 };
 use bevy_stylegaussian::{
     AppliedStyle, GaussianScene, GaussianSplats,
-    stylegaussian::{Scene, fold::StylizeError, morton, paint::Painted, strokes::Strokes},
+    stylegaussian::{Scene, fold::StylizeError},
     stylegaussian_files::scene_to_bytes,
 };
-use js_sys::{Array, Uint8Array};
+use js_sys::{Array, Float64Array, Uint8Array};
 use stylegaussian_app::{Subject, save_shown};
 use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
 
 use crate::{
     bridge::{self, Event, Request},
-    paintings::Paintings,
     scene::Shown,
-    style::Wish,
     worker::{self, Call, State},
 };
 
@@ -64,7 +62,7 @@ pub struct Saving(Option<Making>);
 enum Making {
     /// A task, if there is no worker.
     Task(Task<Result<Vec<u8>, String>>),
-    /// The worker, which may also decode them.
+    /// The worker, which may also decode its colors.
     Worker(Call),
 }
 
@@ -73,7 +71,7 @@ pub fn scene(
     mut requests: MessageReader<Request>,
     subject: Single<(Option<&GaussianSplats>, Option<&AppliedStyle>), With<Subject>>,
     scenes: Res<Assets<GaussianScene>>,
-    (shown, wish, paintings): (Res<Shown>, Res<Wish>, Res<Paintings>),
+    shown: Res<Shown>,
     mut saving: ResMut<Saving>,
 ) {
     if requests.read().any(|request| matches!(request, Request::SaveGlb)) {
@@ -88,19 +86,14 @@ pub fn scene(
             return bridge::tell(Event::Failed, "There is no scene to save.");
         };
         let has_worker = worker::state() == State::Ready && shown.hold(splats.0.id(), scene).is_ok();
-        saving.0 = Some(if !has_worker {
-            let write = |scene: &Scene| scene_to_bytes(SCENE, scene).map_err(|error| error.to_string());
-            Making::Task(save_shown(scene, style, write))
-        } else if let Some(given) = style.and_then(|_| wish.for_worker(&paintings)) {
-            Making::Worker(worker::call("work_decode", &given))
-        } else {
-            match style.map(|style| shown_in(style, scene.scene())).transpose() {
-                Ok(painted) => {
-                    let painted = worker::bytes(&painted.unwrap_or_default());
-                    Making::Worker(worker::call("work_save", &[painted]))
-                }
+        saving.0 = Some(if has_worker {
+            match written(style) {
+                Ok(call) => Making::Worker(call),
                 Err(error) => return bridge::tell(Event::Failed, &error.to_string()),
             }
+        } else {
+            let write = |scene: &Scene| scene_to_bytes(SCENE, scene).map_err(|error| error.to_string());
+            Making::Task(save_shown(scene, style, write))
         });
     }
     let made = match &mut saving.0 {
@@ -116,22 +109,17 @@ pub fn scene(
     }
 }
 
-/// The colors and strokes of a scene for the worker, which holds it in the order of a `.sgs`.
-fn shown_in(style: &AppliedStyle, scene: &Scene) -> Result<Vec<u8>, StylizeError> {
-    let strokes = style.strokes().map(|strokes| (**strokes).clone()).unwrap_or_default();
-    let painted = Painted { colors: style.colors()?.to_vec(), strokes, ..Painted::default() };
-    Ok(in_order(&painted, &morton::order(&scene.means)).to_bytes())
-}
-
-/// A painted scene with its Gaussians in another order, `indices` `[N]` into the present one.
-fn in_order(painted: &Painted, indices: &[u32]) -> Painted {
-    fn of<T: Copy>(values: &[T], indices: &[u32]) -> Vec<T> {
-        indices.iter().map(|i| values[*i as usize]).collect()
+/// Has the worker, which holds the scene, write it in the colors of a style.
+fn written(style: Option<&AppliedStyle>) -> Result<Call, StylizeError> {
+    // No style has a decoder of its own here, so the worker chooses the same one.
+    if let Some((_, map)) = style.and_then(AppliedStyle::decoded) {
+        let [gain, shift] =
+            [&map.gain, &map.shift].map(|of| JsValue::from(Float64Array::from(of.as_slice())));
+        return Ok(worker::call("work_decode", &[gain, shift]));
     }
-    let Strokes { seeds, words, textures } = painted.strokes.clone();
-    let words = if words.is_empty() { words } else { of(&words, indices) };
-    let strokes = Strokes { seeds, words, textures };
-    Painted { colors: of(&painted.colors, indices), strokes, ..*painted }
+    let painted = style.map(AppliedStyle::painted).transpose()?;
+    let painted = painted.map_or_else(Vec::new, |painted| painted.to_bytes());
+    Ok(worker::call("work_save", &[worker::bytes(&painted)]))
 }
 
 /// Has the browser save bytes as a file of this name.
@@ -143,20 +131,4 @@ fn download(bytes: &[u8], name: &str) {
     link.set_download(name);
     link.click();
     revoke(&url);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn words_go_with_their_gaussians() {
-        let colors = vec![[0.1, 0.2, 0.3], [-0.25, 0.5, 1.25], [0.7, 0.8, 0.9]];
-        let strokes = Strokes { words: vec![7, 8, 9], ..Strokes::default() };
-        let mut painted = Painted { colors, strokes, ..Painted::default() };
-        let turned = in_order(&painted, &[2, 0, 1]);
-        assert_eq!((turned.colors[0], &turned.strokes.words[..]), (painted.colors[2], &[9, 7, 8][..]));
-        painted.strokes.words.clear();
-        assert!(in_order(&painted, &[2, 1, 0]).strokes.words.is_empty());
-    }
 }

@@ -46,6 +46,12 @@ enum Next {
     Reading { task: Task<Result<GaussianScene, String>>, of_worker: bool, is_embedded: bool },
 }
 
+/// A scene or a world that can be shown.
+enum Read {
+    Scene(Handle<GaussianScene>),
+    World(Handle<WorldManifest>),
+}
+
 /// The scene that is shown, and the next one.
 #[derive(Resource, Default)]
 pub struct Shown {
@@ -119,21 +125,6 @@ impl Shown {
         Ok(())
     }
 
-    /// The next world, once its manifest is loaded.
-    ///
-    /// # Errors
-    /// If it cannot be loaded.
-    pub fn take_world<'a>(
-        &mut self,
-        manifests: &'a Assets<WorldManifest>,
-        assets: &AssetServer,
-    ) -> Option<Result<(Handle<WorldManifest>, &'a WorldManifest), String>> {
-        let Next::World(handle) = &self.next else { return None };
-        let (handle, loaded) = (handle.clone(), loaded_asset(handle, manifests, assets)?);
-        self.next = Next::None;
-        Some(loaded.map(|manifest| (handle, manifest)))
-    }
-
     /// Begins what waits for the worker, once it is known whether there is one. There is no `present` scene if
     /// a world is shown.
     fn begin(
@@ -160,17 +151,22 @@ impl Shown {
         Ok(())
     }
 
-    /// The next scene once it is read, and whether it is the present one with features.
+    /// What is next, once it is read.
     fn poll(
         &mut self,
         scenes: &mut Assets<GaussianScene>,
+        manifests: &Assets<WorldManifest>,
         assets: &AssetServer,
-    ) -> Option<Result<(Handle<GaussianScene>, bool), String>> {
+    ) -> Option<Result<Read, String>> {
         match &mut self.next {
-            Next::None | Next::World(_) | Next::File { .. } | Next::Embedded => None,
+            Next::None | Next::File { .. } | Next::Embedded => None,
             Next::Asset(handle, _) => {
                 let loaded = loaded_asset(handle, scenes, assets)?;
-                Some(loaded.map(|_| (handle.clone(), false)))
+                Some(loaded.map(|_| Read::Scene(handle.clone())))
+            }
+            Next::World(handle) => {
+                let loaded = loaded_asset(handle, manifests, assets)?;
+                Some(loaded.map(|_| Read::World(handle.clone())))
             }
             Next::Worker { call, is_embedding } => {
                 let is_embedding = *is_embedding;
@@ -181,13 +177,13 @@ impl Shown {
                 }
                 None
             }
-            Next::Reading { task, of_worker, is_embedded } => match check_ready(task)? {
+            Next::Reading { task, of_worker, .. } => match check_ready(task)? {
                 Ok(scene) => {
                     let handle = scenes.add(scene);
                     if *of_worker {
                         worker::holds(Some(handle.id()));
                     }
-                    Some(Ok((handle, *is_embedded)))
+                    Some(Ok(Read::Scene(handle)))
                 }
                 Err(error) => Some(Err(error)),
             },
@@ -205,42 +201,44 @@ fn reading(name: String, bytes: Vec<u8>, of_worker: bool, is_embedded: bool) -> 
     Ok(Next::Reading { task: AsyncComputeTaskPool::get().spawn(read), of_worker, is_embedded })
 }
 
-/// Shows the next scene once it is loaded, and moves the camera to see all of it.
+/// Shows the next scene or world once it is loaded, and moves the camera to see all of it.
 pub fn show_loaded(
     mut commands: Commands,
     mut shown: ResMut<Shown>,
-    subject: Single<(Entity, Option<&mut GaussianSplats>, &mut Transform), With<Subject>>,
+    subject: Single<(Entity, Option<&GaussianSplats>, &mut Transform), With<Subject>>,
     view: Single<(&mut Orbit, &Camera)>,
-    mut scenes: ResMut<Assets<GaussianScene>>,
+    (mut scenes, manifests): (ResMut<Assets<GaussianScene>>, Res<Assets<WorldManifest>>),
     (mut wish, assets): (ResMut<Wish>, Res<AssetServer>),
 ) {
     let (entity, splats, mut transform) = subject.into_inner();
-    let begun = shown.begin(splats.as_ref().map(|splats| splats.0.id()), &scenes);
-    let next = begun.map_or_else(|error| Some(Err(error)), |()| shown.poll(&mut scenes, &assets));
+    let begun = shown.begin(splats.map(|splats| splats.0.id()), &scenes);
+    let next = begun.map_or_else(|error| Some(Err(error)), |()| shown.poll(&mut scenes, &manifests, &assets));
     let Some(next) = next else { return };
     let last = std::mem::take(&mut shown.next);
-    let (handle, is_embedded) = match next {
-        Ok(next) => next,
+    let mut entity = commands.entity(entity);
+    let (framing, n_gaussians, has_features) = match next {
         Err(error) => return bridge::tell(Event::Failed, &error),
+        Ok(Read::Scene(handle)) => {
+            let Some(scene) = scenes.get(&handle) else { return };
+            entity.remove::<GaussianWorld>().insert(GaussianSplats(handle));
+            (Framing::of(scene), scene.scene().len() as u64, scene.scene().features.is_some())
+        }
+        Ok(Read::World(handle)) => {
+            let Some(levels) = manifests.get(&handle).map(WorldManifest::levels) else { return };
+            entity.remove::<GaussianSplats>().insert(GaussianWorld(handle));
+            // Chunks have no features.
+            (Framing::of_world(levels), levels.count(0), false)
+        }
     };
-    let Some(scene) = scenes.get(&handle) else { return };
-    if !is_embedded {
-        let framing = Framing::of(scene);
+    // With features, the present scene stays where it is.
+    if !matches!(last, Next::Reading { is_embedded: true, .. }) {
         let (mut orbit, camera) = view.into_inner();
         *orbit = framing.orbit(camera);
         *transform = Transform::from_rotation(framing.world_from_scene());
     }
-    let scene = scene.scene();
-    let has_features = scene.features.is_some();
-    bridge::tell(Event::Loaded, &format!("{} {has_features}", scene.len()));
+    bridge::tell(Event::Loaded, &format!("{n_gaussians} {has_features}"));
     if let Next::Asset(handle, path) = last {
         shown.asset = Some((handle.id(), path));
-    }
-    match splats {
-        Some(mut splats) => splats.0 = handle,
-        None => {
-            commands.entity(entity).remove::<GaussianWorld>().insert(GaussianSplats(handle));
-        }
     }
     if !has_features {
         wish.forget_decoded();

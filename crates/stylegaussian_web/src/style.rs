@@ -5,9 +5,7 @@ use bevy_stylegaussian::{
     StyleSource,
     style::{StyleInput, StyleMethod, StyleMotion, StyleStatistics, decoder::StyleBudget},
 };
-use js_sys::{Array, Float32Array};
 use stylegaussian_app::{Arrival, Arrivals, Subject, relief_lit_from};
-use wasm_bindgen::JsValue;
 
 use crate::{
     bridge::{self, Event, Request},
@@ -33,21 +31,6 @@ impl Default for Wish {
 }
 
 impl Wish {
-    /// The styles that the worker decodes this wish from, their weights and the share of the content. `None` if
-    /// no decoder is asked, or if it is not the worker's to answer.
-    pub fn for_worker(&self, paintings: &Paintings) -> Option<[JsValue; 3]> {
-        if !self.is_decoded() || worker::state() != State::Ready {
-            return None;
-        }
-        let style = |(name, _): &(String, f32)| match name.strip_prefix("decode:") {
-            Some(name) if is_plain(name) => Some(worker::asset(&format!("styles/{name}.style.safetensors"))),
-            _ => paintings.style_file(name),
-        };
-        let styles: Option<Array> = self.styles.iter().map(style).collect();
-        let weights: Vec<f32> = self.styles.iter().map(|(_, weight)| *weight).collect();
-        Some([styles?.into(), Float32Array::from(&weights[..]).into(), self.content.into()])
-    }
-
     /// Forgets what the decoder makes, which alone needs features.
     pub fn forget_decoded(&mut self) {
         if self.is_decoded() {
@@ -113,7 +96,7 @@ pub fn put_on(
                 Event::Failed,
                 &format!("{name}: found no such style, expected one of the page's"),
             ),
-            Err(error) => bridge::tell(Event::Failed, &format!("{name}: {error}")),
+            Err(error) => bridge::tell(Event::Failed, &error),
         }
     }
     let StyleSource { styles, .. } = StyleSource::mix(mix);

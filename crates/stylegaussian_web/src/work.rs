@@ -1,30 +1,28 @@
 //! Computations without an app: the page's [`worker`](crate::worker) calls them, in a module of its own. They
 //! hold one scene.
 
-use std::cell::RefCell;
+use std::{cell::RefCell, sync::LazyLock};
 
 use bevy::math::UVec2;
 use bevy_stylegaussian::{
     stylegaussian::{
         Decoder, Neighbors, Scene,
+        fold::{ChannelMap, stylize},
         paint::{Paint, Painted},
-        restyle::{Recipe, Styles},
         views::choose_views,
-        work::Work,
     },
     stylegaussian_encoder::{Encoder, Image, StyleSize, paint_of, style_statistics},
     stylegaussian_files::{
-        ReadOptions, Reading, SceneReader, decoder_from_bytes, scene_to_bytes, style_from_bytes,
-        style_to_bytes,
+        ReadOptions, Reading, SceneReader, decoder_from_bytes, scene_to_bytes, style_to_bytes,
     },
 };
-use js_sys::{Array, Function, Uint8Array};
+use js_sys::Function;
 use stylegaussian_defaults::{DECODER, ENCODER, ENCODER_NAME};
 use stylegaussian_train::{
     Progress, Stage, Watch,
     embed::{EmbedOptions, TrainingView, embed},
 };
-use wasm_bindgen::{JsError, JsValue, prelude::wasm_bindgen};
+use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
 
 /// Pictures that a scene is embedded from, and the longer side of one in pixels: fewer and smaller ones than
 /// the command line's 60 of 512 pixels, because a page computes on one thread.
@@ -34,65 +32,70 @@ const VIEW_SIZE: u32 = 384;
 /// The name of scenes in messages and of their format.
 const SCENE: &str = "scene.sgs";
 
-/// Everything that the worker keeps between calls.
-#[derive(Default)]
-struct Held {
-    scene: Scene,
-    /// The default encoder, once it was needed.
-    encoder: Option<Encoder>,
-}
-
 thread_local! {
-    static HELD: RefCell<Held> = RefCell::default();
+    static HELD: RefCell<Scene> = RefCell::default();
     /// The function of the worker's script that hears of progress.
     static TELL: RefCell<Option<Function>> = const { RefCell::new(None) };
 }
 
+/// The default encoder, which is opened when it is first needed.
+static DEFAULT_ENCODER: LazyLock<Result<Encoder, String>> =
+    LazyLock::new(|| Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec()).map_err(|error| error.to_string()));
+
 /// Reads a capture in any format, holds it, and returns it as a `.sgs`.
 #[wasm_bindgen]
-pub fn work_read(name: &str, bytes: Vec<u8>, tell: Function) -> Result<Vec<u8>, JsError> {
+pub fn work_read(name: &str, bytes: Vec<u8>, tell: Function) -> Result<Vec<u8>, String> {
     TELL.set(Some(tell));
     tell_progress("reading", None);
-    let scene = read(bytes, name).map_err(|error| JsError::new(&error))?;
-    let bytes = scene_to_bytes(SCENE, &scene)?;
-    hold(scene);
+    let mut scene = read(bytes, name)?;
+    // As in the `.sgs`, from which the app has it.
+    scene.sort_by_morton();
+    let bytes = written(SCENE, &scene)?;
+    HELD.set(scene);
     Ok(bytes)
 }
 
 /// Holds the scene of a file.
 #[wasm_bindgen]
-pub fn work_hold(bytes: Vec<u8>) -> Result<Vec<u8>, JsError> {
-    hold(read(bytes, SCENE).map_err(|error| JsError::new(&error))?);
+pub fn work_hold(bytes: Vec<u8>) -> Result<Vec<u8>, String> {
+    HELD.set(read(bytes, SCENE)?);
     Ok(Vec::new())
 }
 
 /// Gives the scene features, learned from pictures of itself, and returns it as a `.sgs`.
 #[wasm_bindgen]
-pub fn work_embed(tell: Function) -> Result<Vec<u8>, JsError> {
+pub fn work_embed(tell: Function) -> Result<Vec<u8>, String> {
     TELL.set(Some(tell));
-    HELD.with_borrow_mut(|held| {
-        held.open_encoder().map_err(|error| JsError::new(&error))?;
-        held.embed().map_err(|error| JsError::new(&error))
-    })
+    let scene = HELD.with_borrow(embedded)?;
+    let bytes = written(SCENE, &scene)?;
+    HELD.set(scene);
+    Ok(bytes)
 }
 
 /// Encodes a JPEG or PNG image of this name for the decoder, and returns its statistics as a
 /// `.style.safetensors`.
 #[wasm_bindgen]
-pub fn work_encode(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, JsError> {
+pub fn work_encode(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, String> {
     TELL.set(Some(tell));
     tell_progress("encoding", None);
-    HELD.with_borrow_mut(|held| held.encode(name, bytes)).map_err(|error| JsError::new(&error))
+    encoded(name, bytes)
 }
 
 /// Reads the paint of a JPEG or PNG image of this name, and returns its width, its height and its pixels as
 /// RGBA. Those that may not be used are transparent. No encoder takes part.
 #[wasm_bindgen]
-pub fn work_pixels(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, JsError> {
+pub fn work_pixels(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, String> {
     TELL.set(Some(tell));
     tell_progress("painting", None);
-    let painting = painting(name, bytes).map_err(|error| JsError::new(&error))?;
-    Ok(pixels(&paint_of(&painting)))
+    pixels_of(name, bytes)
+}
+
+/// What [`work_pixels`] returns.
+///
+/// # Errors
+/// If it is no such image.
+pub fn pixels_of(name: &str, bytes: &[u8]) -> Result<Vec<u8>, String> {
+    Ok(pixels(&paint_of(&painting(name, bytes)?)))
 }
 
 fn pixels(paint: &Paint) -> Vec<u8> {
@@ -106,21 +109,18 @@ fn pixels(paint: &Paint) -> Vec<u8> {
         .collect()
 }
 
-/// Decodes a mix of `.style.safetensors`, and returns the scene in these colors as a `.glb`.
+/// Returns the scene as a `.glb` in the colors that its decoder makes of its features by a [`ChannelMap`].
 #[wasm_bindgen]
-pub fn work_decode(styles: Array, weights: &[f32], content: f32) -> Result<Vec<u8>, JsError> {
-    let styles: Vec<Vec<u8>> = styles.iter().map(|bytes| Uint8Array::new(&bytes).to_vec()).collect();
-    let styles: Vec<_> = styles.iter().map(Vec::as_slice).zip(weights.iter().copied()).collect();
-    let scene = HELD.with_borrow(|held| decoded(&held.scene, &styles, content));
-    Ok(scene_to_bytes("scene.glb", &scene.map_err(|error| JsError::new(&error))?)?)
+pub fn work_decode(gain: Vec<f64>, shift: Vec<f64>) -> Result<Vec<u8>, String> {
+    let scene = HELD.with_borrow(|held| decoded(held, &ChannelMap { gain, shift }))?;
+    written("scene.glb", &scene)
 }
 
-/// Returns the scene as a `.glb` in colors and the mean of the strokes over them, bytes of a [`Painted`] in
-/// the order of a `.sgs`, or in its own colors if there are none.
+/// Returns the scene as a `.glb` in colors and the mean of the strokes over them, bytes of a [`Painted`], or in
+/// its own colors if there are none.
 #[wasm_bindgen]
-pub fn work_save(painted: &[u8]) -> Result<Vec<u8>, JsError> {
-    let written = HELD.with_borrow(|held| saved(&held.scene, painted));
-    written.map_err(|error| JsError::new(&error))
+pub fn work_save(painted: &[u8]) -> Result<Vec<u8>, String> {
+    HELD.with_borrow(|held| saved(held, painted))
 }
 
 fn saved(scene: &Scene, painted: &[u8]) -> Result<Vec<u8>, String> {
@@ -130,20 +130,18 @@ fn saved(scene: &Scene, painted: &[u8]) -> Result<Vec<u8>, String> {
         if painted.colors.len() != scene.len() {
             return Err(format!("found {} colors, expected {}", painted.colors.len(), scene.len()));
         }
-        let has_strokes = !painted.strokes.seeds.is_empty();
-        saved.set_colors(&if has_strokes { painted.flattened(scene) } else { painted.colors });
+        saved.set_colors(&painted.flattened(scene));
     }
-    scene_to_bytes("scene.glb", &saved).map_err(|error| error.to_string())
+    written("scene.glb", &saved)
 }
 
-/// A scene in the decoded colors of a mix of styles: bytes of `.style.safetensors`, and their weights.
-fn decoded(scene: &Scene, styles: &[(&[u8], f32)], content: f32) -> Result<Scene, String> {
-    let style = |(bytes, weight): &(&[u8], f32)| {
-        let style = style_from_bytes(bytes, "a style").map_err(|error| error.to_string())?;
-        Ok((style, f64::from(*weight)))
-    };
-    let styles = styles.iter().map(style).collect::<Result<Vec<_>, String>>()?;
-    let styles: Vec<_> = styles.iter().map(|(style, weight)| (style, *weight)).collect();
+/// The file of a scene.
+fn written(name: &str, scene: &Scene) -> Result<Vec<u8>, String> {
+    scene_to_bytes(name, scene).map_err(|error| error.to_string())
+}
+
+/// A scene in decoded colors. It carries its decoder, or has the default one.
+fn decoded(scene: &Scene, map: &ChannelMap) -> Result<Scene, String> {
     let bundled;
     let decoder = match &scene.decoder {
         Some(decoder) => decoder,
@@ -153,17 +151,10 @@ fn decoded(scene: &Scene, styles: &[(&[u8], f32)], content: f32) -> Result<Scene
             &bundled
         }
     };
-    let mut decoder = decoder;
-    let styles = Styles::Decoded { styles, decode: &mut decoder };
-    let recipe = Recipe { looks: Vec::new(), styles, content: f64::from(content) };
-    let painted = recipe.restyle(scene, &Work::default()).map_err(|error| error.to_string())?;
+    let colors = stylize(scene, decoder, map).map_err(|error| error.to_string())?;
     let mut styled = scene.clone();
-    styled.set_colors(&painted.colors);
+    styled.set_colors(&colors);
     Ok(styled)
-}
-
-fn hold(scene: Scene) {
-    HELD.with_borrow_mut(|held| held.scene = scene);
 }
 
 /// Tells the page what is being done, and the share of it that is done, 0..1.
@@ -175,62 +166,52 @@ fn tell_progress(what: &str, share: Option<f32>) {
     });
 }
 
-/// Reads a file that the visitor has dropped. Gaussians are in Morton order, as in a `.sgs`.
+/// Reads a file that the visitor has dropped. Gaussians are in the order of the file, as in the app's assets.
 ///
 /// # Errors
 /// If it is no scene, or one of several files.
 pub fn read(bytes: Vec<u8>, name: &str) -> Result<Scene, String> {
     let mut reader = SceneReader::new(bytes, name, ReadOptions::default());
     match reader.read().map_err(|error| error.to_string())? {
-        Reading::Scene(loaded) => {
-            let mut scene = loaded.scene;
-            scene.sort_by_morton();
-            Ok(scene)
-        }
+        Reading::Scene(loaded) => Ok(loaded.scene),
         Reading::Needs(names) => {
             Err(format!("{name}: it needs other files ({}), expected a scene in one file", names.join(", ")))
         }
     }
 }
 
-impl Held {
-    fn open_encoder(&mut self) -> Result<&Encoder, String> {
-        if self.encoder.is_none() {
-            let encoder = Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec());
-            self.encoder = Some(encoder.map_err(|error| error.to_string())?);
-        }
-        self.encoder.as_ref().ok_or_else(String::new)
-    }
+fn encoder() -> Result<&'static Encoder, String> {
+    LazyLock::force(&DEFAULT_ENCODER).as_ref().map_err(Clone::clone)
+}
 
-    /// The statistics of an image.
-    fn encode(&mut self, name: &str, bytes: &[u8]) -> Result<Vec<u8>, String> {
-        let image = painting(name, bytes)?;
-        let statistics = style_statistics(self.open_encoder()?, &image, StyleSize::default());
-        let statistics = statistics.map_err(|error| format!("{name}: {error}"))?;
-        style_to_bytes(name, &statistics).map_err(|error| error.to_string())
-    }
+/// The statistics of an image.
+fn encoded(name: &str, bytes: &[u8]) -> Result<Vec<u8>, String> {
+    let image = painting(name, bytes)?;
+    let statistics = style_statistics(encoder()?, &image, StyleSize::default());
+    let statistics = statistics.map_err(|error| format!("{name}: {error}"))?;
+    style_to_bytes(name, &statistics).map_err(|error| error.to_string())
+}
 
-    fn embed(&mut self) -> Result<Vec<u8>, String> {
-        let Some(encoder) = &self.encoder else { return Err(String::new()) };
-        if self.scene.sh.is_none() {
-            return Err("the capture has no colors to learn features from".into());
-        }
-        tell_progress("embedding", Some(0.0));
-        let cameras = choose_views(&self.scene, N_VIEWS, UVec2::splat(VIEW_SIZE));
-        if cameras.is_empty() || !cameras.iter().all(|camera| camera.is_usable()) {
-            return Err("found no camera that sees the capture".into());
-        }
-        let view = |(i, camera): (usize, _)| TrainingView::rendered(format!("view {i}"), camera, VIEW_SIZE);
-        let views: Vec<_> = cameras.iter().enumerate().map(view).collect();
-        let watch = Watch { progress: &tell_embedding, ..Watch::default() };
-        let mut scene = self.scene.clone();
-        embed(&mut scene, &views, encoder, &EmbedOptions::default(), watch)
-            .map_err(|error| error.to_string())?;
-        scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, Decoder::K));
-        let bytes = scene_to_bytes(SCENE, &scene).map_err(|error| error.to_string())?;
-        self.scene = scene;
-        Ok(bytes)
+/// A scene with features.
+fn embedded(scene: &Scene) -> Result<Scene, String> {
+    if scene.sh.is_none() {
+        return Err("the capture has no colors to learn features from".into());
     }
+    let encoder = encoder()?;
+    tell_progress("embedding", Some(0.0));
+    let cameras = choose_views(scene, N_VIEWS, UVec2::splat(VIEW_SIZE));
+    if cameras.is_empty() || !cameras.iter().all(|camera| camera.is_usable()) {
+        return Err("found no camera that sees the capture".into());
+    }
+    let view = |(i, camera): (usize, _)| TrainingView::rendered(format!("view {i}"), camera, VIEW_SIZE);
+    let views: Vec<_> = cameras.iter().enumerate().map(view).collect();
+    let watch = Watch { progress: &tell_embedding, ..Watch::default() };
+    let mut scene = scene.clone();
+    // As in the `.sgs`, from which the app has it.
+    scene.sort_by_morton();
+    embed(&mut scene, &views, encoder, &EmbedOptions::default(), watch).map_err(|error| error.to_string())?;
+    scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, Decoder::K));
+    Ok(scene)
 }
 
 /// Reads a painting, which errors call `name`.
@@ -247,15 +228,23 @@ fn tell_embedding(now: Progress) {
 
 #[cfg(test)]
 mod tests {
-    use bevy_stylegaussian::stylegaussian::paint::{Canvas, Surface};
+    use bevy_stylegaussian::{
+        stylegaussian::{
+            fold::transfer,
+            paint::{Canvas, Surface},
+            restyle::Recipe,
+            work::Work,
+        },
+        stylegaussian_files::style_from_bytes,
+    };
 
     use super::*;
 
     /// A part of the demo scene, and an image.
-    fn given() -> (Held, &'static [u8]) {
+    fn given() -> (Scene, &'static [u8]) {
         let demo = read(include_bytes!("../../../assets/demo.sgs").to_vec(), SCENE).unwrap();
         let scene = demo.subset(&Vec::from_iter(0..3000));
-        (Held { scene, ..Held::default() }, include_bytes!("../../../assets/styles/halftone.png"))
+        (scene, include_bytes!("../../../assets/styles/halftone.png"))
     }
 
     #[test]
@@ -275,23 +264,23 @@ mod tests {
 
     #[test]
     fn a_scene_is_saved_with_the_mean_of_its_strokes() {
-        let (mut held, png) = given();
-        held.scene.features = None;
+        let (mut scene, png) = given();
+        scene.features = None;
         let image = Image::painting_from_bytes(png, "halftone.png".as_ref()).unwrap();
         let canvas = Canvas::new(&paint_of(&image));
         let work = Work::default();
-        let surface = Surface::new(&held.scene, &work).unwrap();
-        let painted = Recipe::painting(&canvas, &surface).restyle(&held.scene, &work).unwrap();
+        let surface = Surface::new(&scene, &work).unwrap();
+        let painted = Recipe::painting(&canvas, &surface).restyle(&scene, &work).unwrap();
         // In the file's order, which is the scene's.
         let of_glb = |painted: &[u8]| {
-            let glb = saved(&held.scene, painted).unwrap();
+            let glb = saved(&scene, painted).unwrap();
             match SceneReader::new(glb, "scene.glb", ReadOptions::default()).read().unwrap() {
                 Reading::Scene(loaded) => loaded.scene.base_colors(),
                 Reading::Needs(names) => panic!("{names:?}"),
             }
         };
         let with_strokes = of_glb(&painted.to_bytes());
-        let flat = painted.flattened(&held.scene);
+        let flat = painted.flattened(&scene);
         assert_eq!(with_strokes.len(), flat.len());
         let near = |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
         assert!(with_strokes.iter().zip(&flat).all(near));
@@ -299,18 +288,21 @@ mod tests {
         assert_ne!(of_glb(&bare.to_bytes()), with_strokes);
         assert_ne!(of_glb(&[]), with_strokes);
         let of_others = Painted { colors: vec![[0.5; 3]; 3], ..Painted::default() };
-        assert!(saved(&held.scene, &of_others.to_bytes()).unwrap_err().contains("found 3 colors"));
+        assert!(saved(&scene, &of_others.to_bytes()).unwrap_err().contains("found 3 colors"));
     }
 
     #[test]
     fn a_painting_is_encoded_for_the_decoder() {
-        let (mut held, png) = given();
-        let style = held.encode("halftone.png", png).unwrap();
-        let error = held.encode("halftone.png", &png[..100]).unwrap_err();
+        let (mut scene, png) = given();
+        let style = encoded("halftone.png", png).unwrap();
+        let error = encoded("halftone.png", &png[..100]).unwrap_err();
         assert!(error.starts_with("halftone.png"), "{error}");
-        let styled = decoded(&held.scene, &[(&style, 1.0)], 0.0).unwrap();
-        assert_ne!(styled.base_colors(), held.scene.base_colors());
-        assert!(decoded(&held.scene, &[], 0.0).unwrap_err().contains("mix weights"));
+        let style = style_from_bytes(&style, "halftone.png").unwrap();
+        let map = transfer(scene.features.as_ref().unwrap(), &[(&style, 1.0)], 0.0).unwrap();
+        let styled = decoded(&scene, &map).unwrap();
+        assert_ne!(styled.base_colors(), scene.base_colors());
+        scene.features = None;
+        assert!(decoded(&scene, &map).unwrap_err().contains("no features"));
     }
 
     #[test]

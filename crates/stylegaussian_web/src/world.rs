@@ -4,45 +4,13 @@ use std::time::Duration;
 
 use bevy::prelude::*;
 use bevy_stylegaussian::{
-    GaussianSplats, GaussianWorld, StyleSource,
+    GaussianWorld, StyleSource,
     style::WeightedStyle,
-    world::{GaussianBudget, GaussianWorldFailed, WorldManifest, WorldState},
+    world::{GaussianBudget, GaussianWorldFailed, WorldState},
 };
-use stylegaussian_app::{Framing, Orbit, Subject};
+use stylegaussian_app::Subject;
 
-use crate::{
-    bridge::{self, Event, Request},
-    scene::Shown,
-    style::Wish,
-};
-
-/// Shows the next world once its manifest is loaded, and moves the camera to see all of it.
-pub fn show_loaded(
-    mut commands: Commands,
-    mut shown: ResMut<Shown>,
-    subject: Single<(Entity, &mut Transform), With<Subject>>,
-    view: Single<(&mut Orbit, &Camera)>,
-    manifests: Res<Assets<WorldManifest>>,
-    mut wish: ResMut<Wish>,
-    assets: Res<AssetServer>,
-) {
-    let (handle, manifest) = match shown.take_world(&manifests, &assets) {
-        None => return,
-        Some(Ok(found)) => found,
-        Some(Err(error)) => return bridge::tell(Event::Failed, &error),
-    };
-    let levels = manifest.levels();
-    let framing = Framing::of_world(levels);
-    let (mut orbit, camera) = view.into_inner();
-    *orbit = framing.orbit(camera);
-    let (entity, mut transform) = subject.into_inner();
-    *transform = Transform::from_rotation(framing.world_from_scene());
-    commands.entity(entity).remove::<GaussianSplats>().insert(GaussianWorld(handle));
-    // Chunks have no features.
-    bridge::tell(Event::Loaded, &format!("{} false", levels.count(0)));
-    wish.forget_decoded();
-    wish.is_due = true;
-}
+use crate::bridge::{self, Event, Request};
 
 /// Changes the budget of worlds.
 pub fn set_budget(mut requests: MessageReader<Request>, mut budget: ResMut<GaussianBudget>) {

@@ -26,6 +26,11 @@ pub(super) fn triangles(mesh: &Mesh) -> Result<(Vec<Vec3>, Vec<[u32; 3]>), Strin
         Some(_) => return Err("found positions of another format, expected three f32 each".into()),
         None => return Err("found no positions, expected some".into()),
     };
+    let n = positions.len();
+    let odd = mesh.try_attributes().map_err(not_here)?.find(|(_, values)| values.len() != n);
+    if let Some((MeshVertexAttribute { name, .. }, values)) = odd {
+        return Err(format!("found {} values of {name}, expected {n}, one for each position", values.len()));
+    }
     let numbers: Vec<u32> = match mesh.try_indices_option().map_err(not_here)? {
         Some(Indices::U16(numbers)) => numbers.iter().map(|i| u32::from(*i)).collect(),
         Some(Indices::U32(numbers)) => numbers.clone(),
@@ -357,6 +362,8 @@ mod tests {
         assert!(triangles(&lines).unwrap_err().contains("LineList"));
         let empty = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default());
         assert!(triangles(&empty).unwrap_err().contains("positions"));
+        let short = triangle().with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, vec![[0.5; 2]; 2]);
+        assert!(triangles(&short).unwrap_err().contains("2 values of Vertex_Uv, expected 3"));
         let plain = triangle().with_removed_attribute(Mesh::ATTRIBUTE_JOINT_INDEX);
         assert_eq!(triangles(&plain).unwrap().1, [[0, 1, 2]]);
         assert_eq!(normals(&plain), None);

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use bevy::{
-    platform::collections::{HashMap, HashSet},
     prelude::*,
     render::{renderer::RenderDevice, sync_world::MainEntityHashSet},
 };
@@ -19,20 +18,19 @@ use super::{
     attach::LoadedScene,
     extract::{NextScenes, RenderClouds},
     failure::{GaussianSceneError, SceneRefused},
+    per_scene::PerScene,
 };
 
 /// The scenes on the GPU.
 #[derive(Resource, Default)]
 pub(crate) struct GpuScenes {
-    /// By the address of the data: an asset that changes keeps its id and gets new data.
-    of_data: HashMap<usize, UploadedScene>,
+    of_scene: PerScene<UploadedScene>,
     /// Whether all scenes are uploaded. False on a new device and while a scene is being packed.
     settled: bool,
 }
 
 /// A scene that is on the GPU or on its way there.
 struct UploadedScene {
-    /// The scene that was uploaded. It keeps the address taken.
     asset: GaussianScene,
     /// The scene, or the reason why the device cannot take it.
     gpu: Background<Result<GpuScene, String>>,
@@ -43,12 +41,15 @@ struct UploadedScene {
 impl GpuScenes {
     /// A scene on the GPU, or `None` if it is not there yet or too large.
     pub(crate) fn get(&self, scene: &LoadedScene) -> Option<&GpuScene> {
-        self.of_data.get(&address(scene))?.gpu.get()?.as_ref().ok()
+        self.of_scene.get(scene)?.gpu.get()?.as_ref().ok()
     }
 }
 
-fn address(scene: &LoadedScene) -> usize {
-    Arc::as_ptr(scene.scene()).addr()
+impl Drop for UploadedScene {
+    fn drop(&mut self) {
+        // Nobody shows it any more, or the device is lost.
+        self.asset.set_on_gpu(false);
+    }
 }
 
 /// Uploads new scenes and frees those that no entity shows.
@@ -70,17 +71,10 @@ pub(crate) fn upload_scenes(
     scenes.settled = true;
     // Also drops data that a changed asset has replaced. A task that still packs it is canceled.
     let shown = clouds.0.values().map(|cloud| &cloud.scene);
-    let wanted: HashSet<usize> = shown.chain(&next.0).map(address).collect();
-    scenes.of_data.retain(|data, uploaded| {
-        let is_wanted = wanted.contains(data);
-        if !is_wanted {
-            uploaded.asset.set_on_gpu(false);
-        }
-        is_wanted
-    });
+    scenes.of_scene.retain(shown.chain(&next.0), |_| true);
     let entities = clouds.0.iter().map(|(&entity, cloud)| (Some(entity), &cloud.scene));
     for (entity, shown) in entities.chain(next.0.iter().map(|scene| (None, scene))) {
-        let uploaded = scenes.of_data.entry(address(shown)).or_insert_with(|| {
+        let uploaded = scenes.of_scene.get_or_insert_with(shown, || {
             let (device, scene) = (device.wgpu_device().clone(), Arc::clone(shown.scene()));
             // Buffers are mapped when they are created, so packing and upload need no queue and both run in the
             // task.

@@ -2,16 +2,18 @@
 
 use std::sync::Arc;
 
-use bevy::{
-    platform::collections::{HashMap, HashSet},
-    prelude::*,
-};
+use bevy::platform::collections::{HashMap, HashSet};
 use stylegaussian::Scene;
 
-use super::{asset::GaussianScene, attach::LoadedScene};
+use super::attach::LoadedScene;
 
-/// A value for each scene, by asset and version: an asset that changes keeps its id and gets new data.
-pub(crate) struct PerScene<T>(HashMap<AssetId<GaussianScene>, (Arc<Scene>, T)>);
+/// A value for each scene, by the address of its data, which the entry keeps taken. An asset that changes keeps
+/// its id and gets new data: both versions have a value while both are shown.
+pub(crate) struct PerScene<T>(HashMap<usize, (Arc<Scene>, T)>);
+
+fn address(loaded: &LoadedScene) -> usize {
+    Arc::as_ptr(loaded.scene()).addr()
+}
 
 impl<T> Default for PerScene<T> {
     fn default() -> Self {
@@ -22,18 +24,13 @@ impl<T> Default for PerScene<T> {
 impl<T> PerScene<T> {
     /// The value of a scene, made now if there is none.
     pub(crate) fn get_or_insert_with(&mut self, loaded: &LoadedScene, make: impl FnOnce() -> T) -> &mut T {
-        let scene = loaded.scene();
-        // The data that it was made from went.
-        if self.0.get(&loaded.id).is_some_and(|(of, _)| !Arc::ptr_eq(of, scene)) {
-            self.0.remove(&loaded.id);
-        }
-        &mut self.0.entry(loaded.id).or_insert_with(|| (Arc::clone(scene), make())).1
+        let new = || (Arc::clone(loaded.scene()), make());
+        &mut self.0.entry(address(loaded)).or_insert_with(new).1
     }
 
     /// The value of a scene, or `None` if there is none.
     pub(crate) fn get(&self, loaded: &LoadedScene) -> Option<&T> {
-        let (scene, value) = self.0.get(&loaded.id)?;
-        Arc::ptr_eq(scene, loaded.scene()).then_some(value)
+        self.0.get(&address(loaded)).map(|(_, value)| value)
     }
 
     /// Forgets the values of scenes that nothing `shown` is of, and those that are not to be kept.
@@ -45,8 +42,8 @@ impl<T> PerScene<T> {
         if self.0.is_empty() {
             return;
         }
-        let shown: HashSet<*const Scene> = shown.map(|shown| Arc::as_ptr(shown.scene())).collect();
-        self.0.retain(|_, (scene, value)| shown.contains(&Arc::as_ptr(scene)) && keep(value));
+        let shown: HashSet<usize> = shown.map(address).collect();
+        self.0.retain(|scene, (_, value)| shown.contains(scene) && keep(value));
     }
 
     /// Whether there is none.
@@ -58,5 +55,57 @@ impl<T> PerScene<T> {
     #[cfg(test)]
     pub(crate) fn values(&self) -> impl Iterator<Item = &T> {
         self.0.values().map(|(_, value)| value)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::asset::AssetId;
+
+    use super::*;
+    use crate::{GaussianScene, tests::world::small_scene};
+
+    fn loaded(seed: u64) -> LoadedScene {
+        LoadedScene { id: AssetId::default(), asset: GaussianScene::new(small_scene(4, seed)) }
+    }
+
+    #[test]
+    fn each_version_of_an_asset_has_its_own_value_while_it_is_shown() {
+        // One asset, before and after a change.
+        let (old, new) = (loaded(1), loaded(2));
+        let mut values = PerScene::default();
+        assert_eq!(*values.get_or_insert_with(&old, || 1), 1);
+        assert_eq!((values.get(&old), values.get(&new)), (Some(&1), None));
+        assert_eq!(*values.get_or_insert_with(&new, || 2), 2);
+        // One entity shows the old one until the GPU has the new one, which another shows already.
+        for _ in 0..2 {
+            values.retain([&old, &new].into_iter(), |_| true);
+            assert_eq!(*values.get_or_insert_with(&old, || 3), 1);
+            assert_eq!(*values.get_or_insert_with(&new, || 3), 2);
+        }
+        values.retain([&new, &new].into_iter(), |_| true);
+        assert_eq!((values.get(&old), values.get(&new)), (None, Some(&2)));
+    }
+
+    #[test]
+    fn a_value_keeps_its_scene_until_nothing_shows_it_or_it_is_not_to_be_kept() {
+        let (a, b) = (loaded(1), loaded(2));
+        let of_a = Arc::downgrade(a.scene());
+        let mut values = PerScene::default();
+        for (scene, value) in [(&a, 1), (&b, 2)] {
+            values.get_or_insert_with(scene, || value);
+        }
+        // The same data in another asset.
+        let copy = LoadedScene { id: AssetId::invalid(), asset: a.asset.clone() };
+        drop(a);
+        assert_eq!(values.get(&copy), Some(&1));
+        drop(copy);
+        assert!(of_a.upgrade().is_some(), "another scene could take the address");
+        values.retain([&b].into_iter(), |_| true);
+        assert!(of_a.upgrade().is_none());
+        values.retain([&b].into_iter(), |value| *value == 2);
+        assert_eq!(values.get(&b), Some(&2));
+        values.retain([&b].into_iter(), |value| *value == 1);
+        assert!(values.is_empty());
     }
 }

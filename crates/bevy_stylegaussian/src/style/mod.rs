@@ -126,6 +126,7 @@ impl Plugin for StylePlugin {
                     make::job::report_drawn_styles,
                     make::frames::ask_for_frames,
                     make::shared::forget_unused_styles,
+                    make::packed::forget_unused_inputs,
                 )
                     .chain()
                     .in_set(StyleGaussianSystems::Styles)
@@ -165,6 +166,12 @@ impl Plugin for StylePlugin {
 pub(crate) fn has_unsettled_styles(world: &mut World) -> bool {
     let mut jobs = world.query::<&make::job::StyleJobs>();
     jobs.iter(world).any(|jobs| jobs.of_scene.iter().any(|job| !job.is_shown()))
+}
+
+/// Number of styles that are computed or kept.
+#[cfg(all(test, feature = "images"))]
+pub(crate) fn n_known_styles(world: &World) -> usize {
+    world.resource::<make::shared::SharedStyles>().n_known()
 }
 
 fn register_types(app: &mut App) {

@@ -15,7 +15,7 @@ use stylegaussian_files::{read_scene, read_style, write_look};
 use stylegaussian_gpu::splat::CloudColors;
 
 use crate::{
-    GaussianScene, GaussianSplats, StyleApplied, StyleSource, StyleTransition,
+    AppliedStyle, GaussianScene, GaussianSplats, StyleApplied, StyleSource, StyleTransition,
     colors::ShownColors,
     loader::FromFile,
     style::{
@@ -99,6 +99,9 @@ fn gpu_matches_cpu() {
     eprintln!("{} Gaussians, deviation {deviation:.3}, error {error:.1e}", scene.len());
     // Activations and colors are stored as f16, whose step at 1 is 1e-3.
     assert!(error < 2e-3, "{error}");
+    // Whoever has the scene can decode it elsewhere.
+    let (decoder, map) = app.world().get::<AppliedStyle>(entity).unwrap().decoded().unwrap();
+    assert!(largest_difference(&fold::stylize(&scene, decoder, map).unwrap(), &expected) < 1e-4);
 }
 
 /// The GPU code is slower on a software adapter than the CPU's own decoder.

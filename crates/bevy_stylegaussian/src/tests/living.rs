@@ -29,7 +29,7 @@ use stylegaussian::{
 use crate::{
     AppliedStyle, GaussianSplats, StyleApplied, StyleFailed, StyleSource,
     colors::{Redrawing, ShownColors},
-    style::{StyleLiving, decoder::StyleBackend, has_unsettled_styles},
+    style::{StyleLiving, decoder::StyleBackend, has_unsettled_styles, n_known_styles},
 };
 
 use super::{
@@ -55,8 +55,17 @@ fn living() -> StyleLiving {
 }
 
 /// Replaces an image.
-fn change(app: &mut App, handle: &Handle<Image>, image: Image) {
-    app.world_mut().resource_mut::<Assets<Image>>().insert(handle, image).unwrap();
+fn change(app: &mut App, id: impl Into<AssetId<Image>>, image: Image) {
+    app.world_mut().resource_mut::<Assets<Image>>().insert(id, image).unwrap();
+}
+
+/// A picture of other sides, from the pixels of `image` in turn.
+fn of_size(image: &Image, [width, height]: [u32; 2]) -> Image {
+    let size = Extent3d { width, height, depth_or_array_layers: 1 };
+    let pixels = image.data.as_ref().unwrap().iter().copied().cycle();
+    let data = pixels.take(4 * (width * height) as usize).collect();
+    let usages = RenderAssetUsages::default();
+    Image::new(size, TextureDimension::D2, data, TextureFormat::Rgba8UnormSrgb, usages)
 }
 
 fn strokes(app: &App, entity: Entity) -> Arc<Strokes> {
@@ -165,10 +174,7 @@ fn an_image_that_cannot_be_followed_leaves_its_last_picture() {
     let entity = app.world_mut().spawn((splats, StyleSource::image(image.clone()), living())).id();
     until_applied(&mut app);
     let before = colors(app.world(), entity);
-    let size = Extent3d { width: 1, height: 1, depth_or_array_layers: 1 };
-    let (usages, pixel) = (RenderAssetUsages::default(), [9, 9, 9, 255]);
-    let speck = Image::new_fill(size, TextureDimension::D2, &pixel, TextureFormat::Rgba8UnormSrgb, usages);
-    change(&mut app, &image, speck);
+    change(&mut app, &image, of_size(&picture(2, COLD), [1, 1]));
     let error = until_failed(&mut app).error.to_string();
     assert!(error.contains("1x1") && error.contains("8x8"), "{error}");
     for _ in 0..2 * EVERY.as_millis() {
@@ -189,6 +195,94 @@ fn an_image_that_cannot_be_followed_leaves_its_last_picture() {
     change(&mut app, &image, picture(2, COLD));
     until_recolored(&mut app, entity);
     assert!(drain::<StyleFailed>(&mut app).is_empty());
+}
+
+/// A larger picture and a smaller one follow under the same strokes. The source keeps the image while nobody
+/// else holds it.
+#[test]
+fn an_image_that_gets_another_size_is_followed() {
+    let mut app = app_without_rendering();
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(EVERY));
+    let scene = Scene { features: None, decoder: None, ..small_scene(60, 1) };
+    let first = picture(1, WARM);
+    let image = add(&mut app, first.clone());
+    let id = image.id();
+    let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
+    let entity = app.world_mut().spawn((splats, StyleSource::image(image), living())).id();
+    until_applied(&mut app);
+    let seeds = strokes(&app, entity).seeds.clone();
+    for (seed, tints, size) in [(2, COLD, [200, 90]), (3, WARM, [8, 31])] {
+        let other = of_size(&picture(seed, tints), size);
+        change(&mut app, id, other.clone());
+        until_recolored(&mut app, entity);
+        let (_, expected, _) = laid(&scene, &first, &other);
+        assert_eq!(colors(app.world(), entity), Some(expected), "{size:?}");
+        assert_eq!(strokes(&app, entity).seeds, seeds, "{size:?}");
+    }
+    assert!(drain::<StyleFailed>(&mut app).is_empty());
+}
+
+/// An image whose load fails, and one that is too small at first, are painted with and followed once they are
+/// there. A load that fails later changes nothing.
+#[test]
+fn an_image_that_comes_after_a_failure_is_followed() {
+    let mut app = app_without_rendering();
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(EVERY));
+    let scene = Scene { features: None, decoder: None, ..small_scene(60, 1) };
+    let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
+    let path = "no/such/film.style.jpg";
+    let image: Handle<Image> = app.world().resource::<AssetServer>().load(path);
+    let entity = app.world_mut().spawn((splats, StyleSource::image(image.clone()), living())).id();
+    let error = until_failed(&mut app).error.to_string();
+    assert!(error.contains("no/such/film"), "{error}");
+    let [first, other] = [picture(1, WARM), picture(2, COLD)];
+    change(&mut app, &image, of_size(&first, [1, 1]));
+    let error = until_failed(&mut app).error.to_string();
+    assert!(error.contains("1x1") && error.contains("8x8"), "{error}");
+    change(&mut app, &image, first.clone());
+    until_applied(&mut app);
+    let (painted, expected, _) = laid(&scene, &first, &other);
+    assert_eq!(colors(app.world(), entity), Some(painted.colors.clone()));
+    app.world().resource::<AssetServer>().reload(path);
+    for _ in 0..20 {
+        app.update();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert_eq!(colors(app.world(), entity), Some(painted.colors));
+    change(&mut app, &image, other);
+    until_recolored(&mut app, entity);
+    assert_eq!(colors(app.world(), entity), Some(expected));
+    assert!(drain::<StyleFailed>(&mut app).is_empty());
+}
+
+/// Several changes in each of a hundred frames: beside the first style, the one that is shown and the one that
+/// is computed, nothing is kept, and nothing waits. The last picture is shown.
+#[test]
+fn a_hundred_frames_of_a_video_leave_nothing_waiting() {
+    let mut app = app_without_rendering();
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(EVERY));
+    let scene = Scene { features: None, decoder: None, ..small_scene(60, 1) };
+    let first = picture(1, WARM);
+    let image = add(&mut app, first.clone());
+    let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
+    let entity = app.world_mut().spawn((splats, StyleSource::image(image.clone()), living())).id();
+    until_applied(&mut app);
+    let pictures = [(2, COLD), (3, WARM), (4, COLD)].map(|(seed, tints)| picture(seed, tints));
+    let n_images = |app: &App| app.world().resource::<Assets<Image>>().len();
+    let (n_before, mut most) = (n_images(&app), 0);
+    for frame in 0..100 {
+        for i in 0..5 {
+            change(&mut app, &image, pictures[(frame + i) % 3].clone());
+        }
+        app.update();
+        most = most.max(n_known_styles(app.world()));
+    }
+    assert!((2..=3).contains(&most), "{most} styles");
+    let (_, expected, _) = laid(&scene, &first, &pictures[(99 + 4) % 3]);
+    let expected = Some(expected);
+    update_until(&mut app, "colors of the last picture", |world| colors(world, entity) == expected);
+    assert!(drain::<StyleFailed>(&mut app).is_empty());
+    assert_eq!(n_images(&app), n_before);
 }
 
 /// A video that is faster than frames, in which colors take longer than from frame to frame: of the pictures
@@ -263,6 +357,10 @@ fn a_changed_image_is_drawn_in_the_same_frame() {
     }
     assert_eq!(drawn(&studio).2, n, "an image that does not change costs nothing");
 
+    // Of several changes within a frame, the last is drawn, once.
+    for seed in 3..8 {
+        change(&mut studio.app, &image, picture(seed, COLD));
+    }
     change(&mut studio.app, &image, images[1].clone());
     let after = studio.next();
     assert!(distance(&before, &after) > 5e-3, "{}", distance(&before, &after));

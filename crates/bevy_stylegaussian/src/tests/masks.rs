@@ -212,6 +212,47 @@ fn masks_come_from_files_and_from_scenes() {
     app.world_mut().spawn((GaussianSplats(assets.load("scene.sgs")), StyleMask::saved(made)));
     let message = until_failed(&mut app)[0].error.to_string();
     assert!(message.starts_with("a mask made by the program: found a mask of another scene"), "{message}");
+    // One that tells the right scene, and has too few weights for it.
+    let short = StoredMask { weights: vec![[255; 4]; 3], ..StoredMask::new(&scene, &mask) };
+    let short = add(&mut app, SavedMask(Arc::new(short)));
+    app.world_mut().spawn((GaussianSplats(assets.load("scene.sgs")), StyleMask::saved(short)));
+    let message = until_failed(&mut app)[0].error.to_string();
+    assert!(message.contains("(3@") && message.contains("(20@"), "{message}");
+}
+
+/// A mask has a byte for each Gaussian and channel, so that none is NaN. A program's scene with too few of them
+/// is refused, and brushes that are no numbers paint nothing.
+#[test]
+fn odd_masks_of_a_program_are_refused_or_change_nothing() {
+    let mut app = app_without_rendering();
+    let scene = Scene { mask: Some(patterned(19)), ..small_scene(20, 1) };
+    let splats = GaussianSplats(add_scene(&mut app, scene.clone()));
+    let entity = app.world_mut().spawn((splats, StyleMask::default())).id();
+    app.update();
+    let failed = drain::<GaussianSceneFailed>(&mut app);
+    let message = failed[0].error.to_string();
+    assert!(failed[0].entity == entity && message.contains("19 mask weights, expected 20"), "{message}");
+    assert_eq!(weights(&app, entity), None);
+    let whole = GaussianSplats(add_scene(&mut app, Scene { mask: Some(patterned(20)), ..scene }));
+    app.world_mut().entity_mut(entity).insert(whole);
+    app.update();
+    let before = weights(&app, entity);
+    assert_eq!(before, Some(patterned(20).weights));
+    let brush = Brush { radius: 9.0, ..default() };
+    for (brush, center) in [
+        (Brush { radius: f32::NAN, ..brush }, Vec3::ZERO),
+        (Brush { softness: f32::NAN, ..brush }, Vec3::ZERO),
+        (Brush { strength: f32::NAN, ..brush }, Vec3::ZERO),
+        (brush, Vec3::NAN),
+        (brush, Vec3::INFINITY),
+    ] {
+        let mut mask = mask_of(&mut app, entity);
+        assert!(mask.paint(&brush, &[center]) && mask.stroke_to(&brush, center));
+        mask.end_stroke();
+        assert_eq!(mask.undo_len(), (0, 0), "{brush:?} at {center}");
+    }
+    assert_eq!(weights(&app, entity), before);
+    assert!(drain::<GaussianSceneFailed>(&mut app).is_empty());
 }
 
 /// The weights on the GPU, and their version. The revision that the mix of layers goes by changes with it.

@@ -3,8 +3,13 @@
 use std::sync::Arc;
 
 use bevy::{
-    asset::RenderAssetUsages, camera::ScalingMode, core_pipeline::tonemapping::Tonemapping, light::Skybox,
-    mesh::VertexAttributeValues, platform::collections::HashSet, prelude::*,
+    asset::RenderAssetUsages,
+    camera::ScalingMode,
+    core_pipeline::tonemapping::Tonemapping,
+    light::Skybox,
+    mesh::{Indices, VertexAttributeValues},
+    platform::collections::HashSet,
+    prelude::*,
     render::render_resource::PrimitiveTopology,
 };
 use stylegaussian::strokes::{FINE_SIDE, StrokeTexture};
@@ -242,6 +247,56 @@ fn odd_meshes_are_painted_or_say_why() {
     let error = failures[0].error.to_string();
     assert!(failures[0].entity == nowhere && error.contains("no triangle"), "{error}");
     assert!(is_plain(&app, nowhere) && !is_plain(&app, entity));
+}
+
+/// Two triangles beside one whose vertex is not there are painted. A mesh without a triangle, or whose values
+/// are not one for each vertex, says so.
+#[test]
+fn meshes_whose_numbers_do_not_fit_are_painted_or_say_why() {
+    let mut app = app();
+    let source = StyleSource::preset(preset(&mut app));
+    let (_, material) = cube(&mut app);
+    let spawn = |app: &mut App, mesh: Mesh| {
+        let mesh = Mesh3d(add(app, mesh));
+        let parts = (mesh, material.clone(), Transform::default(), source.clone(), StyledMesh::default());
+        app.world_mut().spawn(parts).id()
+    };
+    let square = || Mesh::from(Rectangle::new(1.0, 1.0));
+    let numbers = Indices::U32(vec![0, 1, 2, 0, 2, 3, 0, 1, 99]);
+    let entity = spawn(&mut app, square().with_inserted_indices(numbers));
+    until_painted(&mut app, 1);
+    let meshes = app.world().resource::<Assets<Mesh>>();
+    let painted = meshes.get(&mesh_of(&app, entity)).unwrap();
+    let Some(VertexAttributeValues::Float32x3(positions)) = painted.attribute(Mesh::ATTRIBUTE_POSITION)
+    else {
+        panic!()
+    };
+    assert!(positions.len() > 1000 && positions.as_flattened().iter().all(|value| value.abs() <= 0.5));
+    let nothing = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, Vec::<[f32; 3]>::new());
+    for (mesh, part) in [
+        (nothing, "no triangle"),
+        (square().with_inserted_indices(Indices::U16(Vec::new())), "no triangle"),
+        (square().with_inserted_indices(Indices::U32(vec![7, 8, 9])), "no triangle"),
+        (
+            square().with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 1.0]; 3]),
+            "3 values of Vertex_Normal, expected 4",
+        ),
+        (
+            square().with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, vec![[1.0; 4]; 9]),
+            "9 values of Vertex_Color, expected 4",
+        ),
+    ] {
+        let bad = spawn(&mut app, mesh);
+        let mut failures = Vec::new();
+        update_until(&mut app, "a failure", |world| {
+            failures.extend(world.resource_mut::<Messages<StyleFailed>>().drain());
+            !failures.is_empty()
+        });
+        let error = failures[0].error.to_string();
+        assert!(failures[0].entity == bad && error.contains(part), "{error}");
+        assert!(is_plain(&app, bad) && !is_plain(&app, entity));
+    }
 }
 
 #[test]

@@ -105,7 +105,9 @@ fn a_painting_gives_its_paint_unless_a_decoder_is_wanted() {
     until_applied(&mut app);
     check(&app, entity, laid(&scene, &[(&stripes(), 1.0)], 0.0));
     // Other formats hold no strokes, so their means become colors.
-    let styled = app.world().get::<AppliedStyle>(entity).unwrap().styled_scene().unwrap();
+    let style = app.world().get::<AppliedStyle>(entity).unwrap();
+    assert!(style.decoded().is_none());
+    let styled = style.styled_scene().unwrap();
     let flattened = laid(&scene, &[(&stripes(), 1.0)], 0.0).flattened(&scene);
     let errors = styled.base_colors().into_iter().zip(flattened);
     assert!(errors.flat_map(|(a, b)| [0, 1, 2].map(|i| (a[i] - b[i]).abs())).all(|error| error < 1e-5));

@@ -302,6 +302,10 @@ fn strokes_move_by_the_games_clock() {
     assert!((0..8).all(|_| studio.next() == paused));
     studio.app.world_mut().resource_mut::<Time<Virtual>>().unpause();
     assert!((0..8).any(|_| studio.next() != paused));
+    // A game that sets its clock back shows what it showed then.
+    *studio.app.world_mut().resource_mut::<Time<Virtual>>() = Time::default();
+    let moved = painted.strokes.moved(motion, STEP.as_secs_f64());
+    studio.check("set back", splat::Colors::Rgb(&painted.colors), &moved, &StrokeKnobs::DEFAULT);
     assert!(drain::<StyleApplied>(&mut studio.app).is_empty(), "nothing is computed");
 
     // A ball of the same style that boils on a wall that does not.

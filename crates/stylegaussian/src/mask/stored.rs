@@ -14,11 +14,11 @@ pub struct StoredMask {
     pub scene: SceneFingerprint,
 }
 
-/// A mask that belongs to another scene.
+/// A mask that belongs to another scene, or has not one weight per Gaussian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("found a mask of another scene ({found}), expected one of this scene ({expected})")]
 pub struct MaskError {
-    /// The scene that the mask belongs to.
+    /// The scene that the mask belongs to, with the number of its weights.
     pub found: SceneFingerprint,
     /// The scene that it was asked for.
     pub expected: SceneFingerprint,
@@ -38,11 +38,12 @@ impl StoredMask {
     /// The mask in the order of `scene`.
     ///
     /// # Errors
-    /// If it belongs to another scene.
+    /// If it belongs to another scene, or has not one weight per Gaussian.
     pub fn mask_for(&self, scene: &Scene) -> Result<Mask, MaskError> {
         let expected = SceneFingerprint::of(scene);
-        if self.scene != expected || self.len() != scene.len() {
-            return Err(MaskError { found: self.scene, expected });
+        let found = SceneFingerprint { n_gaussians: self.len(), ..self.scene };
+        if self.scene != expected || found != expected {
+            return Err(MaskError { found, expected });
         }
         let mut mask = Mask { names: self.names.clone(), ..Mask::new(scene.len()) };
         for (weights, i) in self.weights.iter().zip(scene.by_source()) {

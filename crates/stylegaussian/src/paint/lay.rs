@@ -264,9 +264,12 @@ impl Painted {
         }
     }
 
-    /// One color per Gaussian `[N]` that includes the strokes: their mean over its footprint. Files of other
-    /// formats hold no more.
+    /// One color per Gaussian `[N]` that includes the strokes, if there are any: their mean over its footprint.
+    /// Files of other formats hold no more.
     pub fn flattened(&self, scene: &Scene) -> Vec<[f32; 3]> {
+        if self.strokes.seeds.is_empty() {
+            return self.colors.clone();
+        }
         let sides = scene.broad_sides();
         (0..scene.len()).into_par_iter().map(|i| self.flattened_at(i, scene.means[i], sides[i])).collect()
     }

@@ -24,10 +24,15 @@ const REACH: f32 = 70.0;
 /// Least cosine between the normals of neighbors that continue one another: strokes do not go around corners.
 const SAME_SIDE: f32 = 0.5;
 
+/// Distance from a pin to the nearest seed at most, in pixels of the painting: the side of a usual picture of
+/// the scene. What is farther away is no point of the scene.
+const FARTHEST: f32 = 512.0;
+
 /// A spot of a scene that is painted from a given spot of a painting. So are its surroundings.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pin {
-    /// A point of the scene, in scene units.
+    /// A point of the scene, in scene units: on a surface, or no farther from one than a usual picture of the
+    /// scene is wide.
     pub at: Vec3,
     /// A point of the painting, from its left and its top edge, as shares of its sides, 0..1.
     pub place: Vec2,
@@ -41,6 +46,14 @@ pub enum PinError {
     /// Its point in the scene is no point.
     #[error("pin {number}: found the point {at} in the scene, expected three finite numbers")]
     Scene {
+        /// Its number, from 1.
+        number: usize,
+        /// The point.
+        at: Vec3,
+    },
+    /// Its point in the scene is far outside of it.
+    #[error("pin {number}: found the point {at} far from the scene, expected one on it")]
+    Far {
         /// Its number, from 1.
         number: usize,
         /// The point.
@@ -93,13 +106,19 @@ impl Pin {
         Ok(())
     }
 
-    /// Checks pins for these paintings.
+    /// Checks pins for this scene and these paintings.
     pub(crate) fn check_for<'a>(
         pins: &[Self],
+        surface: &Surface,
         paintings: impl Iterator<Item = &'a Canvas> + Clone,
     ) -> Result<(), PinError> {
         Self::check(pins)?;
         for (number, pin) in (1..).zip(pins) {
+            // Pins of a whole scene are far from most of its parts.
+            let may_be_far = surface.is_beside || surface.n_seeds() == 0;
+            if !may_be_far && pin.nearest_seed(surface).is_none() {
+                return Err(PinError::Far { number, at: pin.at });
+            }
             let Some(canvas) = paintings.clone().nth(pin.painting) else {
                 let n = paintings.clone().count();
                 return Err(PinError::Painting { number, painting: pin.painting, n });
@@ -109,6 +128,14 @@ impl Pin {
             }
         }
         Ok(())
+    }
+
+    /// The nearest seed, or `None` if all are far away.
+    fn nearest_seed(&self, surface: &Surface) -> Option<usize> {
+        let seeds = &surface.seeds.seeds;
+        let apart = |j: &usize| seeds[*j].at.distance_squared(self.at);
+        let nearest = (0..seeds.len()).min_by(|a, b| apart(a).total_cmp(&apart(b)))?;
+        (apart(&nearest) <= (FARTHEST * surface.pixel).powi(2)).then_some(nearest)
     }
 }
 
@@ -157,11 +184,7 @@ pub(super) fn pinned(
     direction: Option<Direction>,
 ) -> Vec<Placed> {
     let seeds = &surface.seeds.seeds;
-    let nearest = |pin: &Pin| {
-        let apart = |j: &usize| seeds[*j].at.distance_squared(pin.at);
-        (0..seeds.len()).min_by(|a, b| apart(a).total_cmp(&apart(b)))
-    };
-    let firsts: Vec<Option<usize>> = pins.iter().map(nearest).collect();
+    let firsts: Vec<Option<usize>> = pins.iter().map(|pin| pin.nearest_seed(surface)).collect();
     let reach = REACH * surface.pixel;
     let mut all = Vec::new();
     for (number, (pin, first)) in pins.iter().zip(&firsts).enumerate() {
@@ -221,14 +244,14 @@ pub(super) fn move_seeds(seeds: &mut [StrokeSeed], paintings: &[&Canvas], pinned
 /// once.
 ///
 /// # Errors
-/// If a pin is no pin for these paintings. The strokes are then as they were.
+/// If a pin is no pin for this scene and these paintings. The strokes are then as they were.
 pub fn pin(
     strokes: &mut Strokes,
     surface: &Surface,
     paintings: &[(&Canvas, f64)],
     hand: &Hand,
 ) -> Result<(), PinError> {
-    Pin::check_for(hand.pins, paintings.iter().map(|(canvas, _)| *canvas))?;
+    Pin::check_for(hand.pins, surface, paintings.iter().map(|(canvas, _)| *canvas))?;
     let n_seeds = surface.n_seeds();
     // Each painting with a weight has all seeds of the surface, in turn.
     let given = paintings.iter().enumerate().filter(|(_, (_, weight))| *weight > 0.0 && weight.is_finite());

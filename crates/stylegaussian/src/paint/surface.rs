@@ -53,6 +53,8 @@ pub struct Surface {
     pub(super) seeds: Seeds,
     /// The numbers that its first seeds have in the scene that it is a part of. None if it is no part.
     pub(super) shared: Vec<u32>,
+    /// Whether the scene stands beside a painted one, or is a part of it.
+    pub(super) is_beside: bool,
     /// Size of a pixel of the painting, in scene units.
     pub(super) pixel: f32,
     /// The direction that is up, a unit vector.
@@ -206,6 +208,7 @@ impl Surface {
         );
         work.at(0.9)?;
         let lone = lone(&edges, &grid(AROUND_TEXTURE), &sight.visibility);
+        let is_beside = beside.is_some();
         let (moments, of_other, shared) = match beside {
             Some((other, shared)) => (other.moments, other.seeds.to_share(&shared), shared),
             None => {
@@ -228,6 +231,7 @@ impl Surface {
         Ok(Self {
             seeds,
             shared,
+            is_beside,
             pixel,
             up: sight.up,
             base,

@@ -97,7 +97,8 @@ impl StrokeMotion {
             }
             Self::Flow { rate, amount, toward } if moves(rate, amount) && toward.is_finite() => {
                 let part = (seconds * f64::from(rate)).rem_euclid(1.0) as f32;
-                let toward = toward.normalize_or_zero();
+                // In f64: the square of a long direction is no f32.
+                let toward = toward.as_dvec3().normalize_or_zero().as_vec3();
                 MotionNow { kind: KIND_FLOW, part, amount, toward, ..MotionNow::default() }
             }
             _ => MotionNow::default(),
@@ -313,6 +314,15 @@ mod tests {
         }
         assert!(strokes.moved(BOIL, f64::NAN) == strokes);
         assert!(!BOIL.is_still() && !FLOW.is_still());
+        // Fast, and for a long time: a part of a run all the same.
+        let fast = StrokeMotion::Flow { rate: 1e9, amount: 1.0, toward: Vec3::X };
+        assert!((0.0..=1.0).contains(&fast.at(1e12).part) && (0.0..=1.0).contains(&fast.at(-1e12).part));
+        assert_eq!(StrokeMotion::Boil { rate: 1e9, amount: 1.0 }.at(1e300).kind, KIND_BOIL);
+        // A direction of any length.
+        for length in [1e-30, 1e30] {
+            let flow = StrokeMotion::Flow { rate: 0.5, amount: 2.0, toward: length * Vec3::X };
+            assert_eq!(flow.at(1.3), FLOW.at(1.3));
+        }
         // No direction at all: strokes stand still, and do not fade.
         let nowhere = StrokeMotion::Flow { rate: 1.0, amount: 1.0, toward: Vec3::ZERO };
         assert_eq!(strokes.seeds[0].plain_at(&nowhere.at(0.3)), strokes.seeds[0].plain());

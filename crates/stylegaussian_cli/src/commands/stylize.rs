@@ -135,9 +135,8 @@ fn write(
         write_look(path, &look)?;
         return Ok(Vec::new());
     }
-    let has_strokes = !strokes.seeds.is_empty();
-    let colors = if has_strokes { result.shown.flattened(scene) } else { colors.clone() };
-    let mut lost = if has_strokes { vec![FLATTENED.into()] } else { Vec::new() };
+    let colors = result.shown.flattened(scene);
+    let mut lost = if strokes.seeds.is_empty() { Vec::new() } else { vec![FLATTENED.into()] };
     if let Format::Scene = format {
         scene.set_colors(&colors);
         lost.extend(write_scene_with(path, scene, options)?);

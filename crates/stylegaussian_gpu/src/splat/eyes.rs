@@ -7,7 +7,7 @@
 
 use std::sync::OnceLock;
 
-use glam::DVec3;
+use glam::{Affine3A, DVec3, Vec4};
 use stylegaussian_shaders::splat::{self as shaders, SplatChunk};
 
 use super::{
@@ -78,6 +78,12 @@ pub(super) fn binds_masks(device: &wgpu::Device) -> bool {
 pub(super) fn middle(cameras: [&Camera; 2]) -> DVec3 {
     let [first, second] = cameras.map(|camera| in_f64(&camera.world_from_view).translation);
     0.5 * (first + second)
+}
+
+/// Origin of the rays of both eyes in a space that `world_from_scene` places in the world: (eye, 1), where the
+/// eye is the `middle` between them.
+pub(super) fn eye_between(middle: DVec3, world_from_scene: &Affine3A) -> Vec4 {
+    in_f64(world_from_scene).inverse().transform_point3(middle).as_vec3().extend(1.0)
 }
 
 #[cfg(test)]

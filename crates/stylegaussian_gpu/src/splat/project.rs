@@ -10,10 +10,10 @@ use stylegaussian_shaders::splat::{
 };
 
 use super::{
-    camera::{Camera, in_f64},
+    camera::Camera,
     cloud::Cloud,
     dispatch::dispatch,
-    eyes::EyeStage,
+    eyes::{EyeStage, eye_between},
     scene::Chunk,
     settings::{SortKey, SplatSettings},
     strokes::{StrokeStage, draw_uniforms, with_knobs},
@@ -203,7 +203,7 @@ pub(super) fn cloud_uniforms(
     let flag = |set: bool, flag: u32| if set { flag } else { 0 };
     let place = &cloud.world_from_scene;
     let eye = match middle {
-        Some(middle) => in_f64(place).inverse().transform_point3(middle).as_vec3().extend(1.0),
+        Some(middle) => eye_between(middle, place),
         None => camera.eye_in(place),
     };
     SplatChunk {

@@ -10,7 +10,6 @@ use crate::{
         make::{
             images::{canvases::ImageCanvases, living::LivingImages},
             job::{StyleJobs, advance_jobs},
-            packed::PackedInputs,
             prepare::prepare_surfaces,
             shared::SharedStyles,
         },
@@ -132,7 +131,6 @@ fn follow_colors(
     living: Res<LivingImages>,
     mut shared: ResMut<SharedStyles>,
     workers: Res<Workers>,
-    packed: Res<PackedInputs>,
     mut events: StyleEvents,
 ) {
     for (entity, of, source, mut jobs, transition, is_volume) in &mut entities {
@@ -177,7 +175,7 @@ fn follow_colors(
             if let Some(request) = request
                 && job.following.as_ref().is_none_or(|failed| !failed.is_of(&request))
             {
-                job.following = Some(shared.get(request, &workers, &packed));
+                job.following = Some(shared.get(request, &workers));
             }
         }
     }

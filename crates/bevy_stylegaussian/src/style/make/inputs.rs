@@ -58,7 +58,7 @@ pub(crate) struct Inputs<'w> {
     presets: ResMut<'w, Presets>,
     pub(crate) surfaces: ResMut<'w, Surfaces>,
     pub(crate) workers: Res<'w, Workers>,
-    pub(crate) packed: Res<'w, PackedInputs>,
+    packed: ResMut<'w, PackedInputs>,
     method: Res<'w, StyleMethod>,
     backend: Res<'w, StyleBackend>,
     // Bevy puts a copy into the main world. It is absent if the app does not render.
@@ -111,8 +111,8 @@ impl Inputs<'_> {
                 },
                 None => None,
             };
-            let decoder = Same(choose_decoder(of_entity, scene.asset.decoder())?);
-            Styles::Decoded { styles: statistics, decoder }
+            let decoder = choose_decoder(of_entity, scene.asset.decoder())?;
+            Styles::Decoded { styles: statistics, inputs: self.packed.get(scene, decoder) }
         } else {
             Styles::None
         };

@@ -358,7 +358,7 @@ impl StyleJob {
             Ok(Some(request)) => {
                 self.failure = None;
                 let backend = request.backend;
-                let shared = shared.get(request, &inputs.workers, &inputs.packed);
+                let shared = shared.get(request, &inputs.workers);
                 self.stage = Stage::Computing { since, backend, shared };
             }
             Err(error) => {

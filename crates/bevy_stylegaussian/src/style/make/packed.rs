@@ -1,56 +1,69 @@
-//! Inputs of the style pass, packed once for each scene and decoder, in a task.
+//! Inputs of the style pass, packed once for each scene and decoder, by the first style that needs them.
 
-use std::sync::{Arc, Weak};
+use std::sync::Arc;
 
-use async_lock::Mutex;
+use async_lock::OnceCell;
 use bevy::prelude::*;
 use stylegaussian::{Decoder, Scene, fold::StylizeError};
 use stylegaussian_gpu::style::{StyleInputs, StyleOptions};
 
-use crate::work::pauses;
+use crate::{
+    scene::{LoadedScene, PerScene},
+    work::pauses,
+};
 
-/// Packed inputs that are still in use. They are held weakly: nothing here keeps them or the scene alive.
-#[derive(Resource, Clone, Default)]
-// Shared with tasks, which cannot borrow resources.
-pub(crate) struct PackedInputs(Arc<Mutex<Vec<Packed>>>);
+/// Inputs of the scenes that are decoded, for each decoder that a style has.
+#[derive(Resource, Default)]
+pub(crate) struct PackedInputs(PerScene<Vec<Arc<LaterInputs>>>);
 
-struct Packed {
-    scene: Weak<Scene>,
-    decoder: Weak<Decoder>,
-    inputs: Weak<StyleInputs>,
+/// Inputs that the style packs if it is the first one.
+pub(crate) struct LaterInputs {
+    scene: Arc<Scene>,
+    pub(crate) decoder: Arc<Decoder>,
+    packed: OnceCell<Arc<StyleInputs>>,
 }
 
 impl PackedInputs {
-    /// The inputs of `scene` for `decoder`, packed now if nobody uses them yet. Takes a while, in slices.
+    /// The inputs of a scene for a decoder: the same for all styles that have them at a time.
+    pub(crate) fn get(&mut self, loaded: &LoadedScene, decoder: Arc<Decoder>) -> Arc<LaterInputs> {
+        let of_scene = self.0.get_or_insert_with(loaded, Vec::new);
+        if let Some(known) = of_scene.iter().find(|known| Arc::ptr_eq(&known.decoder, &decoder)) {
+            return Arc::clone(known);
+        }
+        let scene = Arc::clone(loaded.scene());
+        let new = Arc::new(LaterInputs { scene, decoder, packed: OnceCell::new() });
+        of_scene.push(Arc::clone(&new));
+        new
+    }
+}
+
+impl LaterInputs {
+    /// The inputs, packed now if they are not. Takes a while, in slices. A second task that needs them waits
+    /// for the first one.
     ///
     /// # Errors
     /// If the decoder does not fit the scene.
-    pub(crate) async fn get(
-        &self,
-        scene: &Arc<Scene>,
-        decoder: &Arc<Decoder>,
-    ) -> Result<Arc<StyleInputs>, StylizeError> {
-        // Locked while packing: a second task that needs the same inputs waits for them instead of packing them
-        // twice. It waits as tasks do, since in a browser both may be on one thread.
-        let mut all = self.0.lock().await;
-        all.retain(|packed| packed.inputs.strong_count() > 0);
-        // A weak pointer keeps its address taken, so equal addresses mean the same scene and decoder.
-        let is_of = |packed: &&Packed| {
-            packed.scene.as_ptr() == Arc::as_ptr(scene) && packed.decoder.as_ptr() == Arc::as_ptr(decoder)
+    pub(crate) async fn packed(&self) -> Result<&Arc<StyleInputs>, StylizeError> {
+        let pack = || async {
+            let options = StyleOptions::default();
+            StyleInputs::in_slices(&self.scene, &self.decoder, options, &mut pauses()).await.map(Arc::new)
         };
-        if let Some(inputs) = all.iter().find(is_of).and_then(|packed| packed.inputs.upgrade()) {
-            return Ok(inputs);
-        }
-        // No deadlock: packing takes no other lock of ours and waits for no task that could ask for this one.
-        let inputs =
-            Arc::new(StyleInputs::in_slices(scene, decoder, StyleOptions::default(), &mut pauses()).await?);
-        all.push(Packed {
-            scene: Arc::downgrade(scene),
-            decoder: Arc::downgrade(decoder),
-            inputs: Arc::downgrade(&inputs),
-        });
-        Ok(inputs)
+        self.packed.get_or_try_init(pack).await
     }
+}
+
+impl PartialEq for LaterInputs {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.scene, &other.scene) && Arc::ptr_eq(&self.decoder, &other.decoder)
+    }
+}
+
+/// Forgets the inputs that no style has, and those of scenes that no entity shows.
+pub(crate) fn forget_unused_inputs(mut inputs: ResMut<PackedInputs>, shown: Query<&LoadedScene>) {
+    inputs.bypass_change_detection().0.retain(shown.iter(), |of_scene| {
+        of_scene.retain(|inputs| Arc::strong_count(inputs) > 1);
+        !of_scene.is_empty()
+    });
 }
 
 #[cfg(test)]
@@ -60,28 +73,42 @@ mod tests {
     use bevy::tasks::block_on;
 
     use super::*;
-    use crate::tests::world::small_scene;
+    use crate::{GaussianScene, tests::world::small_scene};
 
     /// The same scene is styled twice from the start, in two styles.
     #[test]
     fn two_who_ask_at_once_share_what_is_packed() {
         // Large enough that the two threads overlap while the first one packs.
-        let scene = Arc::new(small_scene(20_000, 1));
-        let decoder = Arc::new(scene.decoder.clone().unwrap());
-        let (packed, start) = (PackedInputs::default(), Barrier::new(2));
-        let ask = || {
+        let asset = GaussianScene::new(small_scene(20_000, 1));
+        let loaded = LoadedScene { id: AssetId::default(), asset };
+        let decoder = || Arc::clone(loaded.asset.decoder().unwrap());
+        let mut world = World::new();
+        world.insert_resource(PackedInputs::default());
+        world.spawn(loaded.clone());
+        let get = |world: &mut World, decoder| world.resource_mut::<PackedInputs>().get(&loaded, decoder);
+        let inputs = [(); 2].map(|()| get(&mut world, decoder()));
+        let start = Barrier::new(2);
+        let ask = |inputs: &LaterInputs| {
             start.wait();
-            block_on(packed.get(&scene, &decoder)).unwrap()
+            Arc::clone(block_on(inputs.packed()).unwrap())
         };
         let (a, b) = std::thread::scope(|scope| {
-            let b = scope.spawn(ask);
-            (ask(), b.join().unwrap())
+            let b = scope.spawn(|| ask(&inputs[1]));
+            (ask(&inputs[0]), b.join().unwrap())
         });
         assert!(Arc::ptr_eq(&a, &b));
-        drop((a, b));
-        // Nothing is kept if nobody uses it.
-        assert!(packed.0.lock_blocking().iter().all(|packed| packed.inputs.upgrade().is_none()));
-        drop(scene);
-        assert!(packed.0.lock_blocking().iter().all(|packed| packed.scene.upgrade().is_none()));
+        // For an equal decoder in another place, they are packed anew.
+        let other = get(&mut world, Arc::new(Decoder::clone(&decoder())));
+        assert!(other != inputs[0] && !Arc::ptr_eq(&a, block_on(other.packed()).unwrap()));
+        drop(other);
+        let [kept, dropped] = inputs;
+        drop(dropped);
+        world.run_system_cached(forget_unused_inputs).unwrap();
+        assert!(Arc::ptr_eq(&kept, &get(&mut world, decoder())));
+        // Nothing is kept if no style has it, though the scene is shown.
+        let was_kept = Arc::downgrade(&kept);
+        drop(kept);
+        world.run_system_cached(forget_unused_inputs).unwrap();
+        assert!(was_kept.upgrade().is_none() && world.resource::<PackedInputs>().0.is_empty());
     }
 }

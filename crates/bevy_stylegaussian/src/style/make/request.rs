@@ -7,7 +7,7 @@ mod apart;
 use std::{ops::Deref, sync::Arc};
 
 use stylegaussian::{
-    Decoder, Look, Scene,
+    Look, Scene,
     fold::StylizeError,
     paint::{Canvas, Direction, Hand, Painted, Pin, Tints, pin},
     restyle::{self, Recipe, RestyleError},
@@ -24,7 +24,7 @@ use crate::{
         make::{
             beside::Beside,
             later::{Encoded, Later, Stretched},
-            packed::PackedInputs,
+            packed::LaterInputs,
             worker::{Ground, Painting},
         },
         wish::{
@@ -60,7 +60,7 @@ pub(crate) enum Styles {
     /// To paint the scene with, on its surface.
     Painted { canvases: Vec<(Same<LaterCanvas>, f64)>, surface: Same<Ground>, decided: Decided },
     /// To be decoded.
-    Decoded { styles: Vec<(Same<LaterStatistics>, f64)>, decoder: Same<Decoder> },
+    Decoded { styles: Vec<(Same<LaterStatistics>, f64)>, inputs: Arc<LaterInputs> },
     /// None: there are looks alone.
     None,
 }
@@ -158,15 +158,9 @@ pub(crate) type Computed = Result<StyleResult, Arc<StyleError>>;
 
 impl StyleRequest {
     /// Starts the computation. `like` is the result of a request that [pins other places](Self::pins_others).
-    pub(crate) fn start(
-        self: &Arc<Self>,
-        like: Option<StyleResult>,
-        workers: &Workers,
-        packed: &PackedInputs,
-    ) -> Running<Computed> {
-        let (request, packed) = (Arc::clone(self), packed.clone());
-        let moves = like.is_some();
-        let compute = async move |work: Work| match request.run(like.as_ref(), &packed, &work).await {
+    pub(crate) fn start(self: &Arc<Self>, like: Option<StyleResult>, workers: &Workers) -> Running<Computed> {
+        let (request, moves) = (Arc::clone(self), like.is_some());
+        let compute = async move |work: Work| match request.run(like.as_ref(), &work).await {
             Ok(style) => Ok(Ok(style)),
             Err(Failure::Failed(error)) => Ok(Err(error)),
             Err(Failure::Canceled) => Err(Canceled),
@@ -223,12 +217,7 @@ impl StyleRequest {
     }
 
     /// Folds the styles into the decoder, or restyles the scene on the CPU.
-    async fn run(
-        &self,
-        like: Option<&StyleResult>,
-        packed: &PackedInputs,
-        work: &Work,
-    ) -> Result<StyleResult, Failure> {
+    async fn run(&self, like: Option<&StyleResult>, work: &Work) -> Result<StyleResult, Failure> {
         #[cfg(target_family = "wasm")]
         if let Some(result) = self.lay_apart(like, work).await? {
             return Ok(result);
@@ -239,8 +228,8 @@ impl StyleRequest {
             return self.shown(Arc::clone(colors), unpinned.clone(), work);
         }
         match &self.styles {
-            Styles::Decoded { styles, decoder } if self.backend == StyleBackend::Gpu => {
-                self.fold(&made(styles, work)?, &decoder.0, packed).await
+            Styles::Decoded { styles, inputs } if self.backend == StyleBackend::Gpu => {
+                self.fold(&made(styles, work)?, inputs).await
             }
             _ => self.restyle(work),
         }
@@ -279,11 +268,11 @@ impl StyleRequest {
                 }
                 recipe.restyle_beside(scene, company, work)
             }
-            Styles::Decoded { styles, decoder } => {
+            Styles::Decoded { styles, inputs } => {
                 let styles = made(styles, work)?;
                 work.check()?;
                 let styles = styles.iter().map(|(statistics, weight)| (&**statistics, *weight)).collect();
-                let styles = restyle::Styles::Decoded { styles, decode: &mut &*decoder.0 };
+                let styles = restyle::Styles::Decoded { styles, decode: &mut &*inputs.decoder };
                 Recipe { looks, styles, content }.restyle(scene, work)
             }
             Styles::None => Recipe { looks, styles: restyle::Styles::None, content }.restyle(scene, work),
@@ -377,15 +366,14 @@ impl StyleRequest {
     async fn fold(
         &self,
         styles: &[(Arc<stylegaussian::ChannelStatistics>, f64)],
-        decoder: &Arc<Decoder>,
-        packed: &PackedInputs,
+        inputs: &LaterInputs,
     ) -> Result<StyleResult, Failure> {
         let scene = Arc::clone(&self.scene.0);
         if scene.features.is_none() {
             return Err(StylizeError::NoFeatures.into());
         }
         // Packed here: the render thread only uploads.
-        let inputs = packed.get(&scene, decoder).await?;
+        let (inputs, decoder) = (Arc::clone(inputs.packed().await?), &inputs.decoder);
         // The content's statistics are part of the inputs, so a further style of a scene does not pass over its
         // N features.
         let styles: Vec<_> = styles.iter().map(|(style, weight)| (&**style, *weight)).collect();

@@ -10,7 +10,6 @@ use crate::{
     style::{
         make::{
             beside::Beside,
-            packed::PackedInputs,
             request::{Computed, StyleRequest, StyleResult},
         },
         wish::error::StyleError,
@@ -45,13 +44,14 @@ pub(crate) struct SharedStyle {
 }
 
 impl SharedStyles {
+    /// Number of styles that are computed or kept.
+    #[cfg(all(test, feature = "images"))]
+    pub(crate) fn n_known(&self) -> usize {
+        self.0.len()
+    }
+
     /// The style of a request: one that is there or on its way, or a new one whose computation begins.
-    pub(crate) fn get(
-        &mut self,
-        request: StyleRequest,
-        workers: &Workers,
-        packed: &PackedInputs,
-    ) -> Arc<SharedStyle> {
+    pub(crate) fn get(&mut self, request: StyleRequest, workers: &Workers) -> Arc<SharedStyle> {
         let scene = Arc::as_ptr(&request.scene.0) as usize;
         let is_asked = |known: &Known| known.scene == scene && *known.style.request == request;
         let known = match self.0.iter().position(is_asked) {
@@ -62,7 +62,7 @@ impl SharedStyles {
                 let pinned = of_scene.filter(|known| known.style.request.pins_others(&request));
                 let like = pinned.filter_map(|known| known.style.poll()?.ok()).next();
                 let request = Arc::new(request);
-                let computed = request.start(like, workers, packed);
+                let computed = request.start(like, workers);
                 Known { scene, style: Arc::new(SharedStyle { computed, request }) }
             }
         };

@@ -56,6 +56,25 @@ impl AppliedStyle {
         }
     }
 
+    /// Colors and strokes together. As [bytes](Painted::to_bytes) they can go elsewhere, such as to a worker of
+    /// a browser.
+    ///
+    /// # Errors
+    /// As [`Self::colors`].
+    pub fn painted(&self) -> Result<Painted, StylizeError> {
+        let strokes = self.strokes().map(|strokes| (**strokes).clone()).unwrap_or_default();
+        Ok(Painted { colors: self.colors()?.to_vec(), strokes, ..Painted::default() })
+    }
+
+    /// The decoder and the map of features from which the GPU makes the colors, or `None` if they are known
+    /// without it. [`fold::stylize`] computes them elsewhere, such as in a worker of a browser.
+    pub fn decoded(&self) -> Option<(&Arc<Decoder>, &Arc<ChannelMap>)> {
+        match &self.colors {
+            AppliedColors::Known { .. } => None,
+            AppliedColors::Decoded { decoder, map } => Some((decoder, map)),
+        }
+    }
+
     /// The scene in the colors that it is shown in, each with the mean of the strokes over it: other formats
     /// hold no strokes. Write it to a file with `stylegaussian_files::write_scene`. With strokes, this takes a
     /// moment too.
@@ -63,16 +82,8 @@ impl AppliedStyle {
     /// # Errors
     /// As [`Self::colors`].
     pub fn styled_scene(&self) -> Result<Scene, StylizeError> {
-        let colors = self.colors()?;
         let mut scene = Scene::clone(&self.scene);
-        match self.strokes() {
-            Some(strokes) => {
-                let strokes = Strokes::clone(strokes);
-                let painted = Painted { colors: colors.to_vec(), strokes, ..Painted::default() };
-                scene.set_colors(&painted.flattened(&self.scene));
-            }
-            None => scene.set_colors(&colors),
-        }
+        scene.set_colors(&self.painted()?.flattened(&self.scene));
         Ok(scene)
     }
 }

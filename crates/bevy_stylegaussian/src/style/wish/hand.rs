@@ -43,7 +43,8 @@ impl From<Vec<Color>> for StylePalette {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Clone, Debug, Default, PartialEq)]
 pub struct StylePin {
-    /// A point of the scene, in the entity's local space.
+    /// A point of the scene, in the entity's local space: on a surface, or no farther from one than a usual
+    /// picture of the scene is wide.
     pub at: Vec3,
     /// A point of the painting, or of the part of it that is used, from the left and top edges, as shares of
     /// the sides, 0..1.

@@ -100,7 +100,7 @@ mod tests {
     fn what_is_no_number_stands_still() {
         let motions = [StyleMotion::boil(8.0), StyleMotion::flow(0.5)];
         assert!(motions.iter().all(|motion| !motion.usual().is_still()));
-        for bad in [f32::NAN, -1.0, 0.0] {
+        for bad in [f32::NAN, -1.0, 0.0, f32::NEG_INFINITY] {
             for motion in [StyleMotion::boil(bad), StyleMotion::flow(bad)] {
                 assert!(motion.usual().is_still(), "{motion:?}");
             }
@@ -109,7 +109,11 @@ mod tests {
             }
         }
         let fastest = StrokeMotion::Boil { rate: 60.0, amount: 8.0 };
-        assert_eq!(StyleMotion::boil(f32::INFINITY).with_amount(100.0).usual(), fastest);
+        for rate in [f32::INFINITY, 1e9] {
+            assert_eq!(StyleMotion::boil(rate).with_amount(100.0).usual(), fastest);
+            let flow = StyleMotion::flow(rate).with_amount(f32::INFINITY).usual();
+            assert_eq!(flow, StrokeMotion::Flow { rate: 60.0, amount: 8.0, toward: Vec3::X });
+        }
         assert!(StyleMotion::flow(1.0).with_toward(Vec3::NAN).usual().is_still());
     }
 }

@@ -192,7 +192,8 @@ impl StyleSource {
 
     /// Several paintings that act as one style, such as a painter's work: each spot of the scene takes its
     /// place among all of them, and neighbors prefer the same painting. The sky comes from one, foliage from
-    /// another, all in their own colors and strokes. With a single painting, it is that painting.
+    /// another, all in their own colors and strokes. With a single painting, it is that painting. With
+    /// more than [`MAX_TEXTURES`](stylegaussian::strokes::MAX_TEXTURES) paintings it fails.
     ///
     /// A collection serves where paintings are alike in manner, or each has what a part of the scene needs. A
     /// [`mix`](Self::mix) serves to go from one style to another, and to give one look to all of a scene: its

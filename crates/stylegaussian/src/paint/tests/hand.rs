@@ -5,7 +5,7 @@ use glam::Vec2;
 use super::*;
 use crate::{
     restyle::{RestyleError, Styles},
-    strokes::FINE_SIDE,
+    strokes::{FINE_SIDE, StrokeSeed, Strokes},
 };
 
 /// Diagonal strokes of two shades of a color.
@@ -328,9 +328,8 @@ fn pinned_places_are_honored_and_their_neighbors_continue_them() {
     let found = laid(&scene, &surface, &[&blue], hand);
     let plain = laid(&scene, &surface, &[&blue], Hand::default());
     for pin in &pins {
-        let near = |(_, seed): &(usize, &crate::strokes::StrokeSeed)| {
-            Vec3::from(seed.at).distance(pin.at) < 40.0 * surface.pixel
-        };
+        let near =
+            |(_, seed): &(usize, &StrokeSeed)| Vec3::from(seed.at).distance(pin.at) < 40.0 * surface.pixel;
         let seeds: Vec<usize> = found.strokes.seeds.iter().enumerate().filter(near).map(|(j, _)| j).collect();
         assert!(seeds.len() > 3);
         for seed in seeds {
@@ -389,8 +388,11 @@ fn pins_that_cannot_be_honored_are_errors() {
         recipe.restyle(&scene, &Work::default()).map(|_| ())
     };
     restyled(good).unwrap();
+    let far = Pin { at: Vec3::new(1e3, 0.5, 0.0), ..good };
     for bad in [
         Pin { at: Vec3::new(0.0, f32::NAN, 0.0), ..good },
+        far,
+        Pin { at: Vec3::splat(-1e30), ..good },
         Pin { place: Vec2::new(1.2, 0.5), ..good },
         Pin { place: Vec2::new(0.2, f32::NAN), ..good },
         Pin { place: Vec2::new(0.9, 0.5), ..good },
@@ -400,6 +402,16 @@ fn pins_that_cannot_be_honored_are_errors() {
         let text = error.to_string();
         assert!(matches!(error, RestyleError::Pin(_)) && text.starts_with("pin 2: found"), "{text}");
     }
+    // Pins of a whole scene are far from most of its parts, which leave them alone.
+    let part = Surface::part_of(&scene, &surface, &Work::default()).unwrap();
+    let before = Strokes { seeds: vec![StrokeSeed::default(); part.n_seeds()], ..Strokes::default() };
+    let mut strokes = before.clone();
+    let hand = Hand { pins: &[far], ..Hand::default() };
+    pin(&mut strokes, &part, &[(&canvas, 1.0)], &hand).unwrap();
+    assert_eq!(strokes, before);
+    let hand = Hand { pins: &[far, good], ..Hand::default() };
+    pin(&mut strokes, &part, &[(&canvas, 1.0)], &hand).unwrap();
+    assert_ne!(strokes, before);
     let other = StoredPins::new(&scene, vec![good]);
     assert_eq!(other.pins_for(&scene).unwrap(), [good]);
     assert!(other.pins_for(&wall(17)).unwrap_err().to_string().contains("another scene"));

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use glam::{Affine3A, Mat4, Quat, UVec4, Vec3};
+use glam::{Affine3A, DVec3, EulerRot, Mat4, Quat, UVec4, Vec3};
 use stylegaussian::{Scene, mask::MaskUse, splat::MIN_ALPHA};
 use stylegaussian_shaders::splat::SplatCounts;
 
-use super::middle;
+use super::{eye_between, middle};
 use crate::{
     device::HeadlessDevice,
     mask::GaussianMask,
@@ -230,4 +230,72 @@ fn the_eyes_of_a_moving_head_draw_by_one_list() {
         }
     }
     assert!(n_changes > 40, "the order changed {n_changes} times");
+}
+
+/// The Gaussians of a scene in the order of their `distances`.
+fn sorted_by<T: PartialOrd>(distances: &[T]) -> Vec<u32> {
+    let mut sorted: Vec<u32> = (0..distances.len() as u32).collect();
+    let compare = |a: &u32, b: &u32| distances[*a as usize].partial_cmp(&distances[*b as usize]);
+    sorted.sort_by(|a, b| compare(a, b).expect("finite distances"));
+    sorted
+}
+
+/// Two minutes of a head that walks, nods and looks around, at 90 frames a second, with eyes that look outward
+/// by five degrees each: by the uniforms of either eye, splats have the order of the one point between them.
+/// It is the same whichever eye comes first, and distances change by no more than the head moves, however it
+/// turns.
+#[test]
+fn ten_thousand_poses_of_a_head_order_by_one_point() {
+    let scene = random_scene(48, 0, 6);
+    let place = Affine3A::from_scale_rotation_translation(
+        Vec3::new(0.5, 2.0, 1.2),
+        Quat::from_rotation_y(0.8),
+        Vec3::new(1.0, -0.4, 2.0),
+    );
+    // Eyes are 64 millimeters apart.
+    let head_from_eyes = [-1.0, 1.0].map(|side: f32| {
+        let outward = Quat::from_rotation_y((-5.0 * side).to_radians());
+        Affine3A::from_rotation_translation(outward, 0.032 * side * Vec3::X)
+    });
+    let (mut last, mut n_apart): (Option<(DVec3, Vec<f32>)>, usize) = (None, 0);
+    for frame in 0..10_000 {
+        let t = frame as f32 / 90.0;
+        let at = Vec3::new(2.0 * (0.4 * t).sin(), 1.6 + 0.03 * (11.0 * t).sin(), 3.0 * (0.25 * t).cos());
+        let (yaw, pitch, roll) = (1.5 * (0.9 * t).sin(), 0.4 * (1.7 * t).sin(), 0.2 * (2.3 * t).cos());
+        let turn = Quat::from_euler(EulerRot::YXZ, yaw, pitch, roll);
+        let head = Affine3A::from_rotation_translation(turn, at);
+        let cameras = head_from_eyes.map(|head_from_eye| Camera {
+            world_from_view: head * head_from_eye,
+            clip_from_view: Mat4::perspective_infinite_reverse_rh(1.7, 1.0, 0.1),
+            viewport: UVec4::new(0, 0, 1000, 1000),
+        });
+        let between = middle(cameras.each_ref());
+        assert_eq!(between, middle([&cameras[1], &cameras[0]]));
+        let eye = eye_between(between, &place).truncate();
+        // As `splat_two_eyes.wgsl` computes them, for the eye that comes first.
+        let distances = cameras.each_ref().map(|camera| -> Vec<f32> {
+            let view_from_scene = camera.view_from(&place);
+            scene.means.iter().map(|mean| view_from_scene.transform_vector3(*mean - eye).length()).collect()
+        });
+        for distances in &distances {
+            check_order(&scene, &place, &cameras, &sorted_by(distances));
+        }
+        let [now, _] = distances;
+        if let Some((before, then)) = last {
+            let most = before.distance(between) as f32;
+            for (now, then) in now.iter().zip(&then) {
+                assert!((now - then).abs() <= most + 1e-5 * (1.0 + now), "frame {frame}: {then} to {now}");
+            }
+        }
+        last = Some((between, now));
+        // Eyes by themselves would disagree.
+        let [first, second] = cameras.each_ref().map(|camera| {
+            let at = in_f64(&camera.world_from_view).translation;
+            let place = in_f64(&place);
+            let apart = |mean: &Vec3| place.transform_point3(mean.as_dvec3()).distance(at);
+            sorted_by(&scene.means.iter().map(apart).collect::<Vec<f64>>())
+        });
+        n_apart += usize::from(first != second);
+    }
+    assert!(n_apart > 5000, "orders of the eyes by themselves differ in {n_apart} frames");
 }
