@@ -17,6 +17,8 @@ pub(crate) use file::is_chain;
 pub use pixels::add;
 pub use size::Size;
 
+use stylegaussian::work::{Canceled, Work};
+
 /// One operation. Value 0 is the picture, value i + 1 the result of operation i.
 #[derive(Clone, Debug)]
 pub enum Operation {
@@ -151,7 +153,7 @@ impl Chain {
     pub fn forward(&self, sizes: &[Size], picture: &[f32]) -> Values {
         let mut values = vec![picture.to_vec()];
         for i in 0..self.operations.len() {
-            let result = self.result(i, sizes, &values[i], |value| &values[value]);
+            let result = self.result(i, sizes, &values[i], |value| &values[value], &Work::default());
             values.push(result);
         }
         Values(values)
@@ -162,6 +164,23 @@ impl Chain {
     /// # Panics
     /// If the chain does not [take](Self::takes) the picture.
     pub fn output(&self, sizes: &[Size], picture: Vec<f32>) -> Vec<f32> {
+        let output = self.output_if_wanted(sizes, picture, &Work::default());
+        output.expect("nobody else has the work, so nobody cancels it")
+    }
+
+    /// As [`output`](Self::output).
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    ///
+    /// # Panics
+    /// If the chain does not [take](Self::takes) the picture.
+    pub fn output_if_wanted(
+        &self,
+        sizes: &[Size],
+        picture: Vec<f32>,
+        work: &Work,
+    ) -> Result<Vec<f32>, Canceled> {
         // Each value is kept up to the last operation that needs it.
         let mut needed: Vec<usize> = (0..=self.operations.len()).collect();
         for (i, operation) in self.operations.iter().enumerate() {
@@ -171,25 +190,29 @@ impl Chain {
         }
         let mut values = vec![picture];
         for i in 0..self.operations.len() {
-            let result = self.result(i, sizes, &values[i], |value| &values[value]);
+            let result = self.result(i, sizes, &values[i], |value| &values[value], work);
+            // The result of a canceled operation is not whole.
+            work.at((i + 1) as f32 / self.operations.len() as f32)?;
             values.push(result);
             for (value, _) in needed.iter().enumerate().filter(|(_, last)| **last == i) {
                 values[value] = Vec::new();
             }
         }
-        values.pop().unwrap_or_default()
+        Ok(values.pop().unwrap_or_default())
     }
 
-    /// The result of operation i on the value x before it. `earlier` gives the values before that.
+    /// The result of operation i on the value x before it. `earlier` gives the values before that. If `work` is
+    /// canceled, parts of it may be missing.
     fn result<'a>(
         &self,
         i: usize,
         sizes: &[Size],
         x: &[f32],
         earlier: impl FnOnce(usize) -> &'a Vec<f32>,
+        work: &Work,
     ) -> Vec<f32> {
         match &self.operations[i] {
-            Operation::Convolution(convolution) => convolution.forward(x, sizes[i]),
+            Operation::Convolution(convolution) => convolution.forward(x, sizes[i], work),
             Operation::Add(value) => {
                 let mut sum = x.to_vec();
                 add(&mut sum, earlier(*value));
