@@ -7,6 +7,7 @@ use std::{
 
 use half::f16;
 use ply_rs::ply::{ElementDef, Encoding, PropertyType, ScalarType};
+use stylegaussian::{slices::SLICE, work::Work};
 
 use super::{
     header::{Header, size_of_scalar},
@@ -177,6 +178,7 @@ pub(super) fn read_columns<'a>(
     file: Cow<'a, [u8]>,
     wanted: &str,
     names: &[String],
+    work: &Work,
 ) -> Result<Rows<'a>, Mismatch> {
     if let Some((start, stride, fields)) = fixed_fields(header, wanted, names)? {
         let n_rows = header.element(wanted).map_or(0, |element| element.count);
@@ -200,12 +202,14 @@ pub(super) fn read_columns<'a>(
             let text = std::str::from_utf8(payload).map_err(|error| {
                 mismatch(format_args!("bytes that are no text ({error})"), "ascii numbers")
             })?;
-            walk(header, Ascii { words: text.split_ascii_whitespace() }, wanted, names, &fields)
+            walk(header, Ascii { words: text.split_ascii_whitespace() }, wanted, names, &fields, work)
         }
         Encoding::BinaryLittleEndian => {
-            walk(header, Binary::<false> { bytes: payload }, wanted, names, &fields)
+            walk(header, Binary::<false> { bytes: payload }, wanted, names, &fields, work)
         }
-        Encoding::BinaryBigEndian => walk(header, Binary::<true> { bytes: payload }, wanted, names, &fields),
+        Encoding::BinaryBigEndian => {
+            walk(header, Binary::<true> { bytes: payload }, wanted, names, &fields, work)
+        }
     }?;
     Ok(Rows {
         n_rows: bytes.len().checked_div(stride).unwrap_or(0),
@@ -271,11 +275,12 @@ fn walk(
     wanted: &str,
     names: &[String],
     fields: &[(usize, ScalarType)],
+    work: &Work,
 ) -> Result<Vec<u8>, Mismatch> {
     for element in header.elements() {
         // Without names every property is skipped.
         let names = if element.name == wanted { names } else { &[] };
-        let values = element_values(element, &mut source, names, fields)?;
+        let values = element_values(element, &mut source, names, fields, work)?;
         if element.name == wanted {
             return Ok(values);
         }
@@ -339,6 +344,7 @@ fn element_values(
     source: &mut impl Source,
     names: &[String],
     fields: &[(usize, ScalarType)],
+    work: &Work,
 ) -> Result<Vec<u8>, Mismatch> {
     expect_properties(element, names)?;
     // Type and target field of each property, in the file's order.
@@ -353,6 +359,9 @@ fn element_values(
     // Rows without properties take no bytes, so a small file can declare 10^18 of them.
     let n_rows = if plan.is_empty() { 0 } else { element.count };
     for i in 0..n_rows {
+        if i.is_multiple_of(SLICE) {
+            work.at(i as f32 / n_rows as f32)?;
+        }
         read_row(&plan, source, &mut row).map_err(|Mismatch { found, expected }| {
             mismatch(format_args!("{found} in row {i} of {n_rows} of element `{}`", element.name), expected)
         })?;
