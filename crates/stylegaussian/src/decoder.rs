@@ -11,7 +11,12 @@ pub use knn_conv::{
 
 use rayon::prelude::*;
 
-use crate::{encoder_id::EncoderId, neighbors::Neighbors};
+use crate::{
+    encoder_id::EncoderId,
+    neighbors::Neighbors,
+    work::{Canceled, Work},
+};
+use knn_conv::knn_conv_if_wanted;
 
 /// One KNN convolution: y_p = sum_k W_k x_{n(p,k)} + B.
 #[derive(Clone, Debug, PartialEq)]
@@ -120,6 +125,9 @@ impl Layer {
 ///
 /// Holds the outputs of two consecutive layers at a time, and nothing of width K.
 ///
+/// # Errors
+/// If `work` is canceled.
+///
 /// # Panics
 /// If the layers do not chain or the neighbors are not N lists.
 pub fn run_layers(
@@ -127,18 +135,23 @@ pub fn run_layers(
     activation: Activation,
     neighbors: &Neighbors,
     mut x: Vec<f32>,
-) -> Vec<f32> {
+    work: &Work,
+) -> Result<Vec<f32>, Canceled> {
     for (i, layer) in layers.iter().enumerate() {
         let shape = layer.shape(neighbors.k);
         let is_last = i + 1 == layers.len();
         // The activation runs block by block within the convolution, while the block is in the cache.
-        x = knn_conv(shape, &x, &neighbors.indices, &layer.weight, &layer.bias, |y| {
+        let activate = |y: &mut [f32]| {
             if !is_last {
                 activation.apply(y);
             }
-        });
+        };
+        let given: [&[f32]; 3] = [&x, &layer.weight, &layer.bias];
+        x = knn_conv_if_wanted(shape, given, &neighbors.indices, activate, work);
+        // The result of a canceled layer is not whole.
+        work.at((i + 1) as f32 / layers.len() as f32)?;
     }
-    x
+    Ok(x)
 }
 
 /// One smoothing pass: the mean color of each Gaussian's neighborhood `[N]`.

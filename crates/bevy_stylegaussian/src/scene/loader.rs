@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use stylegaussian::{Axes, work::Work};
 use stylegaussian_files::{Loaded, ReadOptions, Reading, SceneReader};
 
-use super::{asset::GaussianScene, progress::Readings};
+use super::{asset::GaussianScene, progress::SceneReadings};
 use crate::{
     loader::{LoadError, read_all},
     work::{Lane, Workers, for_one, taken},
@@ -41,12 +41,12 @@ pub struct SceneSettings {
 #[derive(TypePath)]
 pub(super) struct SceneLoader {
     workers: Workers,
-    readings: Readings,
+    readings: SceneReadings,
 }
 
 impl FromWorld for SceneLoader {
     fn from_world(world: &mut World) -> Self {
-        let readings = world.resource::<Readings>().clone();
+        let readings = world.resource::<SceneReadings>().clone();
         Self { workers: world.resource::<Workers>().clone(), readings }
     }
 }

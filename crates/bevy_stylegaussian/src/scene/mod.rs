@@ -35,7 +35,7 @@ pub use component::{GaussianSplats, WorldPart};
 pub use failure::{GaussianSceneError, GaussianSceneFailed};
 pub use fit::FitScene;
 pub use loader::SceneSettings;
-pub use progress::SceneProgress;
+pub use progress::{SceneProgress, SceneReadings};
 /// The limits that a GPU must have: [`NEEDS`](gpu_needs::NEEDS). On a GPU without them, the app goes on and no
 /// splats are drawn: each of their entities gets a [`GaussianSceneFailed`], and the log has one error.
 pub use stylegaussian_gpu::needs as gpu_needs;
@@ -57,7 +57,7 @@ impl Plugin for ScenePlugin {
     fn build(&self, app: &mut App) {
         let reports = Reports::<SceneRefused>::default();
         app.init_asset::<GaussianScene>()
-            .init_resource::<progress::Readings>()
+            .init_resource::<progress::SceneReadings>()
             .init_asset_loader::<SceneLoader>()
             .insert_resource(reports.clone())
             .add_message::<GaussianSceneFailed>()

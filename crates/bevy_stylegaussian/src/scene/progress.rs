@@ -16,26 +16,30 @@ pub struct SceneProgress {
     pub read: f32,
 }
 
-/// The scenes that are read, by their paths. Clones are of the same list.
+/// The scenes that are read, by their paths. A resource. Clones are of the same list.
+///
+/// An entity that is to show a scene has a [`SceneProgress`]. This tells the same of a scene that no entity
+/// shows yet.
 #[derive(Resource, Clone, Default)]
-pub(super) struct Readings(Arc<Mutex<Vec<(AssetPath<'static>, Work)>>>);
+pub struct SceneReadings(Arc<Mutex<Vec<(AssetPath<'static>, Work)>>>);
 
 /// A scene that is read. Dropping it takes it off the list.
 pub(super) struct ReadingScene {
-    all: Readings,
+    all: SceneReadings,
     work: Work,
 }
 
-impl Readings {
+impl SceneReadings {
+    /// Share of a scene that is read, 0..1, or `None` if it is not being read.
+    pub fn progress(&self, scene: &Handle<GaussianScene>) -> Option<f32> {
+        let path = scene.path()?;
+        self.change(|all| all.iter().find(|(of, _)| of == path).map(|(_, work)| work.done()))
+    }
+
     /// Puts a scene on the list, whose progress `work` tells.
     pub(super) fn add(&self, path: AssetPath<'static>, work: &Work) -> ReadingScene {
         self.change(|all| all.push((path, work.clone())));
         ReadingScene { all: self.clone(), work: work.clone() }
-    }
-
-    /// Share of the scene of a path that is read, 0..1, or `None` if it is not being read.
-    fn done(&self, path: &AssetPath<'static>) -> Option<f32> {
-        self.change(|all| all.iter().find(|(of, _)| of == path).map(|(_, work)| work.done()))
     }
 
     fn is_empty(&self) -> bool {
@@ -56,7 +60,7 @@ impl Drop for ReadingScene {
 /// Tells progress.
 pub(super) fn report_progress(
     mut commands: Commands,
-    readings: Res<Readings>,
+    readings: Res<SceneReadings>,
     scenes: Res<Assets<GaussianScene>>,
     mut splats: Query<(Entity, &GaussianSplats, Option<&mut SceneProgress>)>,
     told: Query<(), With<SceneProgress>>,
@@ -65,8 +69,9 @@ pub(super) fn report_progress(
         return;
     }
     for (entity, splats, told) in &mut splats {
-        let path = splats.0.path().filter(|_| !scenes.contains(&splats.0));
-        let progress = path.and_then(|path| readings.done(path)).map(|read| SceneProgress { read });
+        let handle = Some(&splats.0).filter(|handle| !scenes.contains(*handle));
+        let progress = handle.and_then(|handle| readings.progress(handle));
+        let progress = progress.map(|read| SceneProgress { read });
         match (progress, told) {
             (Some(progress), Some(mut told)) => {
                 told.set_if_neq(progress);
@@ -101,7 +106,7 @@ mod tests {
         let mut app = App::new();
         app.add_plugins((TaskPoolPlugin::default(), bevy::asset::AssetPlugin::default()))
             .init_asset::<GaussianScene>()
-            .init_resource::<Readings>()
+            .init_resource::<SceneReadings>()
             .add_systems(PostUpdate, (report_progress, forget_progress));
         // There is no such file, and no loader: only the paths count.
         let [own, other] = ["a.ply", "b.ply"].map(|path| {
@@ -109,7 +114,7 @@ mod tests {
             app.world_mut().spawn(GaussianSplats(handle)).id()
         });
         let work = Work::default();
-        let readings = app.world().resource::<Readings>().clone();
+        let readings = app.world().resource::<SceneReadings>().clone();
         let reading = readings.add("a.ply".into(), &work);
         let told = |app: &App, entity| app.world().get::<SceneProgress>(entity).map(|told| told.read);
         app.update();

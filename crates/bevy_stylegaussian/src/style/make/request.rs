@@ -243,7 +243,7 @@ impl StyleRequest {
         }
         match &self.styles {
             Styles::Decoded { styles, decoder } if self.backend == StyleBackend::Gpu => {
-                self.fold(&made(styles, work)?, &decoder.0, packed).await
+                self.fold(&made(styles, work)?, &decoder.0, packed, work).await
             }
             _ => self.restyle(work),
         }
@@ -383,13 +383,14 @@ impl StyleRequest {
         styles: &[(Arc<stylegaussian::ChannelStatistics>, f64)],
         decoder: &Arc<Decoder>,
         packed: &PackedInputs,
+        work: &Work,
     ) -> Result<StyleResult, Failure> {
         let scene = Arc::clone(&self.scene.0);
         if scene.features.is_none() {
             return Err(StylizeError::NoFeatures.into());
         }
         // Packed here: the render thread only uploads.
-        let inputs = packed.get(&scene, decoder).await?;
+        let inputs = packed.get(&scene, decoder, work).await?;
         // The content's statistics are part of the inputs, so a further style of a scene does not pass over its
         // N features.
         let styles: Vec<_> = styles.iter().map(|(style, weight)| (&**style, *weight)).collect();
