@@ -167,3 +167,27 @@ pub fn smoothing_pass(colors: &[[f32; 3]], neighbors: &Neighbors) -> Vec<[f32; 3
     };
     neighbors.indices.par_chunks_exact(neighbors.k.max(1)).map(mean).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, OnceLock};
+
+    use super::*;
+
+    #[test]
+    fn layers_that_nobody_waits_for_are_not_run() {
+        // Each Gaussian alone, doubled and doubled again.
+        let layer = Layer { weight: vec![2.0], bias: vec![0.0], d_in: 1, d_out: 1 };
+        let neighbors = Neighbors { k: 1, indices: (0..4).collect() };
+        let run = |work: &Work| {
+            let activation = Activation::LeakyRelu { slope: 1.0 };
+            run_layers(&[&layer, &layer], activation, &neighbors, vec![1.0, 2.0, 3.0, 4.0], work)
+        };
+        assert_eq!(run(&Work::default()), Ok(vec![4.0, 8.0, 12.0, 16.0]));
+        let own = Arc::new(OnceLock::<Work>::new());
+        let known = Arc::clone(&own);
+        let work = own.get_or_init(|| Work::telling(move |_| known.get().unwrap().cancel()));
+        assert_eq!(run(work), Err(Canceled));
+        assert_eq!(work.done(), 0.5);
+    }
+}

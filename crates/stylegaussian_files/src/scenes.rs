@@ -54,7 +54,7 @@ impl SceneReader {
         self.read_if_wanted(&Work::default())
     }
 
-    /// As [`read`](Self::read). One image or stream of bytes that is unpacked as a whole is unpacked to its end.
+    /// As [`read`](Self::read). One image, or one stream of zstd, is unpacked to its end once it has begun.
     ///
     /// # Errors
     /// As [`read`](Self::read), or [`FileError::Canceled`] if `work` is canceled.

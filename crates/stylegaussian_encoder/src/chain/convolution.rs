@@ -53,7 +53,8 @@ struct Correlation {
 
 impl Correlation {
     /// y `[h * w, D_out]` for a y of `size`, from x, which is larger by `side - 1`. Lines of y begin as copies
-    /// of `bias` `[D_out]`, and `finish` is applied to each finished one. If `work` is canceled, lines are left out.
+    /// of `bias` `[D_out]`, and `finish` is applied to each finished one. If `work` is canceled, lines are left
+    /// out.
     fn apply(
         &self,
         x: &[f32],
