@@ -151,12 +151,31 @@ impl Chain {
     /// # Panics
     /// If the chain does not [take](Self::takes) the picture.
     pub fn forward(&self, sizes: &[Size], picture: &[f32]) -> Values {
+        let values = self.forward_if_wanted(sizes, picture, &Work::default());
+        values.expect("nobody else has the work, so nobody cancels it")
+    }
+
+    /// As [`forward`](Self::forward). It tells no progress.
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    ///
+    /// # Panics
+    /// If the chain does not [take](Self::takes) the picture.
+    pub fn forward_if_wanted(
+        &self,
+        sizes: &[Size],
+        picture: &[f32],
+        work: &Work,
+    ) -> Result<Values, Canceled> {
         let mut values = vec![picture.to_vec()];
         for i in 0..self.operations.len() {
-            let result = self.result(i, sizes, &values[i], |value| &values[value], &Work::default());
+            let result = self.result(i, sizes, &values[i], |value| &values[value], work);
+            // The result of a canceled operation is not whole.
+            work.check()?;
             values.push(result);
         }
-        Values(values)
+        Ok(Values(values))
     }
 
     /// The last value on a picture `[h * w, C]`, without keeping the others.
@@ -230,8 +249,23 @@ impl Chain {
         &self,
         sizes: &[Size],
         values: &Values,
-        mut grads: Vec<Option<Vec<f32>>>,
+        grads: Vec<Option<Vec<f32>>>,
     ) -> Option<Vec<f32>> {
+        let grad = self.backward_if_wanted(sizes, values, grads, &Work::default());
+        grad.expect("nobody else has the work, so nobody cancels it")
+    }
+
+    /// As [`backward`](Self::backward). It tells no progress.
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn backward_if_wanted(
+        &self,
+        sizes: &[Size],
+        values: &Values,
+        mut grads: Vec<Option<Vec<f32>>>,
+        work: &Work,
+    ) -> Result<Option<Vec<f32>>, Canceled> {
         for (i, operation) in self.operations.iter().enumerate().rev() {
             let Some(mut grad) = grads[i + 1].take() else { continue };
             let c = self.channels(i);
@@ -240,7 +274,7 @@ impl Chain {
                     if convolution.relu() {
                         pixels::gate(&mut grad, &values.0[i + 1]);
                     }
-                    accumulate(&mut grads[i], convolution.backward(&grad, sizes[i]));
+                    accumulate(&mut grads[i], convolution.backward(&grad, sizes[i], work));
                 }
                 Operation::Add(value) => {
                     match &mut grads[*value] {
@@ -261,8 +295,9 @@ impl Chain {
                     accumulate(&mut grads[i], pixels::double_backward(&grad, c, sizes[i]));
                 }
             }
+            work.check()?;
         }
-        grads.swap_remove(0)
+        Ok(grads.swap_remove(0))
     }
 }
 

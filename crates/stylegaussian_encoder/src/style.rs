@@ -57,7 +57,11 @@ impl StyleSize {
         resized.expect("nobody else has the work, so nobody cancels it")
     }
 
-    fn resize_if_wanted(self, image: &Image, work: &Work) -> Result<Image, Canceled> {
+    /// As [`resize`](Self::resize).
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn resize_if_wanted(self, image: &Image, work: &Work) -> Result<Image, Canceled> {
         let (width, height) = self.of(image.width, image.height);
         match self {
             Self::Area(_) => image.resized_if_wanted(width, height, work),

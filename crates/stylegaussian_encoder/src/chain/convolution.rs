@@ -294,12 +294,12 @@ impl Convolution {
     }
 
     /// The gradient with respect to a picture of `size`, from the one with respect to the result before the
-    /// ReLU.
-    pub(super) fn backward(&self, grad_y: &[f32], size: Size) -> Vec<f32> {
+    /// ReLU. If `work` is canceled, parts of it are missing.
+    pub(super) fn backward(&self, grad_y: &[f32], size: Size, work: &Work) -> Vec<f32> {
         let (from, border) = (self.size_after(size), self.forward.side - 1);
         let grad_y = with_zeros(grad_y, self.d_out(), from, border);
         let zeros = vec![0.0; self.backward.d_out];
-        let grad = self.backward.apply(&grad_y, from.plus(border), &zeros, |_| (), &Work::default());
+        let grad = self.backward.apply(&grad_y, from.plus(border), &zeros, |_| (), work);
         self.fold(grad, size)
     }
 
@@ -480,7 +480,7 @@ mod tests {
             });
             for (found, expected) in [
                 (convolution.forward(&x, from, &Work::default()), y),
-                (convolution.backward(&grad_y, from), grad_x),
+                (convolution.backward(&grad_y, from, &Work::default()), grad_x),
             ] {
                 assert_eq!(found.len(), expected.len(), "{shape:?} {padding:?}");
                 for (i, (found, expected)) in found.iter().zip(expected).enumerate() {

@@ -106,7 +106,10 @@ fn try_bake(engine: &Engine, request: Request, newest: &Newest, work: &Work) -> 
         if work.at((step - 1) as f32 / steps as f32).is_err() {
             return Ok(());
         }
-        baking.step(&scene);
+        baking.step(&scene, &work);
+        if work.is_canceled() {
+            return Ok(());
+        }
         // The k-th result comes with the first step that has done k / n_shown of them all.
         let results = |steps_done: u32| u64::from(steps_done) * u64::from(n_shown) / u64::from(steps);
         if results(step) > results(step - 1) {
