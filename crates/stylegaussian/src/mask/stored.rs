@@ -7,7 +7,7 @@ use crate::{
     work::{Canceled, Work},
 };
 
-/// Gaussians between two looks at whether a mask is still wanted: less than a millisecond.
+/// Gaussians between two looks at whether a mask is still wanted: 256 KiB of weights.
 const SOME: usize = 1 << 16;
 
 /// A mask of one scene, in the order of its source, because readers order Gaussians differently.
