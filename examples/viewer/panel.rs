@@ -12,6 +12,7 @@ use bevy_egui::{EguiContexts, EguiTextureHandle, egui};
 use bevy_stylegaussian::{
     GaussianSceneFailed, StyleApplied, StyleFailed,
     mask::StyleMask,
+    scene::SceneReadings,
     style::{StyleProgress, StyleRefined, decoder::StyleBackend},
     stylegaussian_files::writable_extensions,
     world::{GaussianBudget, GaussianWorldFailed, WorldState},
@@ -154,6 +155,7 @@ pub struct Shown<'w> {
     styles: ResMut<'w, Styles>,
     arrivals: ResMut<'w, Arrivals>,
     scene: ResMut<'w, ShownScene>,
+    readings: Res<'w, SceneReadings>,
     notice: ResMut<'w, Notice>,
     saving: Res<'w, Saving>,
     transfer: Res<'w, Transfer>,
@@ -214,7 +216,8 @@ pub fn draw(
                 shown.saved.write(Save::Pins);
             }
             // Always as high, so that nothing moves when it comes and goes.
-            let share = progress.iter().find_map(|of| of.style.or(of.refine));
+            let read = shown.scene.coming().and_then(|coming| shown.readings.progress(coming));
+            let share = read.or_else(|| progress.iter().find_map(|of| of.style.or(of.refine)));
             let bar = ProgressBar::new(share.unwrap_or_default()).desired_height(3.0);
             ui.add_visible(share.is_some(), bar);
             ui.separator();

@@ -63,6 +63,14 @@ impl ShownScene {
         }
     }
 
+    /// The scene that will be shown once it is loaded.
+    pub fn coming(&self) -> Option<&Handle<GaussianScene>> {
+        match &self.loading {
+            Some((_, Next::Scene(handle))) => Some(handle),
+            _ => None,
+        }
+    }
+
     fn of_scene(scene: &GaussianScene) -> Self {
         Self {
             n_gaussians: scene.scene().len(),

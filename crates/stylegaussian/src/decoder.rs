@@ -11,7 +11,12 @@ pub use knn_conv::{
 
 use rayon::prelude::*;
 
-use crate::{encoder_id::EncoderId, neighbors::Neighbors};
+use crate::{
+    encoder_id::EncoderId,
+    neighbors::Neighbors,
+    work::{Canceled, Work},
+};
+use knn_conv::knn_conv_if_wanted;
 
 /// One KNN convolution: y_p = sum_k W_k x_{n(p,k)} + B.
 #[derive(Clone, Debug, PartialEq)]
@@ -120,6 +125,9 @@ impl Layer {
 ///
 /// Holds the outputs of two consecutive layers at a time, and nothing of width K.
 ///
+/// # Errors
+/// If `work` is canceled.
+///
 /// # Panics
 /// If the layers do not chain or the neighbors are not N lists.
 pub fn run_layers(
@@ -127,18 +135,23 @@ pub fn run_layers(
     activation: Activation,
     neighbors: &Neighbors,
     mut x: Vec<f32>,
-) -> Vec<f32> {
+    work: &Work,
+) -> Result<Vec<f32>, Canceled> {
     for (i, layer) in layers.iter().enumerate() {
         let shape = layer.shape(neighbors.k);
         let is_last = i + 1 == layers.len();
         // The activation runs block by block within the convolution, while the block is in the cache.
-        x = knn_conv(shape, &x, &neighbors.indices, &layer.weight, &layer.bias, |y| {
+        let activate = |y: &mut [f32]| {
             if !is_last {
                 activation.apply(y);
             }
-        });
+        };
+        let given: [&[f32]; 3] = [&x, &layer.weight, &layer.bias];
+        x = knn_conv_if_wanted(shape, given, &neighbors.indices, activate, work);
+        // The result of a canceled layer is not whole.
+        work.at((i + 1) as f32 / layers.len() as f32)?;
     }
-    x
+    Ok(x)
 }
 
 /// One smoothing pass: the mean color of each Gaussian's neighborhood `[N]`.
@@ -153,4 +166,28 @@ pub fn smoothing_pass(colors: &[[f32; 3]], neighbors: &Neighbors) -> Vec<[f32; 3
         sum.map(|channel| channel * share)
     };
     neighbors.indices.par_chunks_exact(neighbors.k.max(1)).map(mean).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, OnceLock};
+
+    use super::*;
+
+    #[test]
+    fn layers_that_nobody_waits_for_are_not_run() {
+        // Each Gaussian alone, doubled and doubled again.
+        let layer = Layer { weight: vec![2.0], bias: vec![0.0], d_in: 1, d_out: 1 };
+        let neighbors = Neighbors { k: 1, indices: (0..4).collect() };
+        let run = |work: &Work| {
+            let activation = Activation::LeakyRelu { slope: 1.0 };
+            run_layers(&[&layer, &layer], activation, &neighbors, vec![1.0, 2.0, 3.0, 4.0], work)
+        };
+        assert_eq!(run(&Work::default()), Ok(vec![4.0, 8.0, 12.0, 16.0]));
+        let own = Arc::new(OnceLock::<Work>::new());
+        let known = Arc::clone(&own);
+        let work = own.get_or_init(|| Work::telling(move |_| known.get().unwrap().cancel()));
+        assert_eq!(run(work), Err(Canceled));
+        assert_eq!(work.done(), 0.5);
+    }
 }

@@ -31,6 +31,7 @@ use crate::{
     scene::{Features, Scene},
     slices::{SLICE, at_once},
     statistics::{ChannelStatistics, ContentStatistics},
+    work::{Canceled, Work},
 };
 
 /// An affine map of features, f -> gain * f + shift, in each of the encoder's D channels.
@@ -360,20 +361,49 @@ pub fn fold_statistics(first: &mut Layer, decoder: &Decoder, map: &ChannelMap, c
 /// # Errors
 /// If the scene has no features, or the decoder does not fit them.
 pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec<[f32; 3]>, StylizeError> {
-    check_decoder(scene, decoder)?;
-    let features = &*inputs_of(scene, decoder).ok_or(StylizeError::NoFeatures)?;
+    let colors = stylize_if_wanted(scene, decoder, map, &Work::default());
+    colors.expect("nobody else has the work, so nobody cancels it")
+}
+
+/// As [`stylize`].
+///
+/// # Errors
+/// If `work` is canceled; inside, as those of [`stylize`].
+pub fn stylize_if_wanted(
+    scene: &Scene,
+    decoder: &Decoder,
+    map: &ChannelMap,
+    work: &Work,
+) -> Result<Result<Vec<[f32; 3]>, StylizeError>, Canceled> {
+    work.check()?;
+    if let Err(error) = check_decoder(scene, decoder) {
+        return Ok(Err(error));
+    }
+    let Some(features) = inputs_of(scene, decoder) else { return Ok(Err(StylizeError::NoFeatures)) };
+    let features = &*features;
     let mean_latent = crate::statistics::mean_latent(features);
     let mut first = fold_layer(&decoder.layers[0], decoder.k, features, map, &mean_latent);
     if !decoder.statistics_weight.is_empty() {
         fold_statistics(&mut first, decoder, map, &ContentStatistics::of(features));
     }
     let layers: Vec<&Layer> = std::iter::once(&first).chain(&decoder.layers[1..]).collect();
-    let neighbors = neighbors_for(scene, decoder.k);
+    work.at(0.05)?;
+    let neighbors = match &scene.neighbors {
+        Some(neighbors) if neighbors.k >= decoder.k => neighbors_for(scene, decoder.k),
+        _ => Cow::Owned(Neighbors::find_if_wanted(
+            &scene.means,
+            &scene.order,
+            decoder.k,
+            &work.part(0.05, 0.1),
+        )?),
+    };
+    work.at(0.1)?;
     let inputs = centered_inputs(features, &mean_latent);
-    let rgb = run_layers(&layers, decoder.activation, &neighbors, inputs);
+    let rgb = run_layers(&layers, decoder.activation, &neighbors, inputs, &work.part(0.1, 0.9))?;
     let mut colors: Vec<[f32; 3]> = rgb.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
     // The base color is added after smoothing, which would blur its detail.
     for _ in 0..decoder.smoothing_passes {
+        work.check()?;
         colors = smoothing_pass(&colors, &neighbors);
     }
     if decoder.residual != 0.0 {
@@ -381,7 +411,7 @@ pub fn stylize(scene: &Scene, decoder: &Decoder, map: &ChannelMap) -> Result<Vec
             color.iter_mut().zip(base).for_each(|(c, b)| *c += decoder.residual * b);
         }
     }
-    Ok(colors)
+    Ok(Ok(colors))
 }
 
 /// The scene's neighbor lists at K. Longer lists are shortened, and a search runs only if there are none of

@@ -89,7 +89,7 @@ impl Look {
     /// If there is not one color per Gaussian.
     pub fn new(scene: &Scene, colors: &[[f32; 3]], made_from: MadeFrom) -> Self {
         assert_eq!(colors.len(), scene.len(), "one color per Gaussian");
-        let in_source_order = by_source(scene).into_iter().map(|i| colors[i as usize]).collect();
+        let in_source_order = scene.by_source().into_iter().map(|i| colors[i as usize]).collect();
         Self { colors: in_source_order, strokes: None, scene: SceneFingerprint::of(scene), made_from }
     }
 
@@ -104,7 +104,7 @@ impl Look {
             return Self { strokes: None, ..self };
         }
         assert_eq!(strokes.words.len(), scene.len(), "one word per Gaussian");
-        let words = by_source(scene).into_iter().map(|i| strokes.words[i as usize]).collect();
+        let words = scene.by_source().into_iter().map(|i| strokes.words[i as usize]).collect();
         let Strokes { seeds, textures, .. } = strokes.clone();
         Self { strokes: Some(Strokes { seeds, words, textures }), ..self }
     }
@@ -154,7 +154,7 @@ impl Look {
             return Err(LookError { found: self.scene, expected });
         }
         let mut in_order = vec![T::default(); scene.len()];
-        for (value, i) in values.iter().zip(by_source(scene)) {
+        for (value, i) in values.iter().zip(scene.by_source()) {
             in_order[i as usize] = *value;
         }
         Ok(in_order)
@@ -235,22 +235,20 @@ pub fn mix(
 impl SceneFingerprint {
     /// The fingerprint of `scene`.
     pub fn of(scene: &Scene) -> Self {
-        let hash_of_gaussian = |(rank, i): (u64, u32)| {
+        Self::in_order(scene, &scene.by_source())
+    }
+
+    /// The fingerprint of `scene`, whose Gaussians come in the order `by_source` from its source.
+    pub(crate) fn in_order(scene: &Scene, by_source: &[u32]) -> Self {
+        let hash_of_gaussian = |(rank, &i): (u64, &u32)| {
             // Adding 0 makes 0 of -0, which texts in files do not always keep.
             let [x, y, z] = (scene.means[i as usize] + 0.0).to_array().map(|v| u64::from(v.to_bits()));
             // The rank counts too: the same Gaussians in another order would get the wrong colors.
             hash(hash((rank << 32) | x) ^ ((y << 32) | z))
         };
-        let hashes = (0..).zip(by_source(scene)).map(hash_of_gaussian);
+        let hashes = (0..).zip(by_source).map(hash_of_gaussian);
         Self { n_gaussians: scene.len(), hash: hashes.fold(0, u64::wrapping_add) }
     }
-}
-
-/// The scene's Gaussians in the order of their source.
-fn by_source(scene: &Scene) -> Vec<u32> {
-    let mut indices: Vec<u32> = (0..scene.len() as u32).collect();
-    indices.sort_by_key(|&i| scene.order[i as usize]);
-    indices
 }
 
 impl fmt::Display for SceneFingerprint {

@@ -43,12 +43,7 @@ impl Neighbors {
     ///
     /// # Errors
     /// If `work` is canceled.
-    pub(crate) fn find_if_wanted(
-        means: &[Vec3],
-        order: &[u32],
-        k: usize,
-        work: &Work,
-    ) -> Result<Self, Canceled> {
+    pub fn find_if_wanted(means: &[Vec3], order: &[u32], k: usize, work: &Work) -> Result<Self, Canceled> {
         assert_eq!(means.len(), order.len(), "order [N]");
         let n_nearest = NonZero::new(k).expect("K is at least 1");
         let (points, clusters, cluster_from_gaussian) = cluster_equal_points(means, order);

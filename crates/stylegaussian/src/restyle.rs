@@ -68,11 +68,12 @@ pub trait Decode {
     /// The color of each Gaussian `[N]`.
     ///
     /// # Errors
-    /// If scene, decoder and map do not fit one another, or if the device fails.
+    /// If scene, decoder and map do not fit one another, if the device fails, or if `work` is canceled.
     fn decode(
         &mut self,
         scene: &Scene,
         map: &ChannelMap,
+        work: &Work,
     ) -> Result<Vec<[f32; 3]>, Box<dyn Error + Send + Sync>>;
 }
 
@@ -81,8 +82,9 @@ impl Decode for &Decoder {
         &mut self,
         scene: &Scene,
         map: &ChannelMap,
+        work: &Work,
     ) -> Result<Vec<[f32; 3]>, Box<dyn Error + Send + Sync>> {
-        Ok(fold::stylize(scene, self, map)?)
+        Ok(fold::stylize_if_wanted(scene, self, map, work)??)
     }
 }
 
@@ -267,7 +269,9 @@ impl Styles<'_> {
                 let features = scene.features.as_ref().ok_or(StylizeError::NoFeatures)?;
                 let map = fold::transfer(features, &styles, content)?;
                 work.check()?;
-                let colors = decode.decode(scene, &map).map_err(RestyleError::Decode)?;
+                let colors = decode.decode(scene, &map, work);
+                work.check()?;
+                let colors = colors.map_err(RestyleError::Decode)?;
                 Ok(Painted { colors, ..Painted::default() })
             }
             Self::Laid { painted, .. } => Ok(painted),

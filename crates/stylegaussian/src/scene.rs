@@ -211,8 +211,27 @@ impl Scene {
     /// # Panics
     /// If `order` has fewer than N entries.
     pub fn by_source(&self) -> Vec<u32> {
+        let order = &self.order[..self.len()];
         let mut indices: Vec<u32> = (0..self.len() as u32).collect();
-        indices.sort_by_key(|&i| self.order[i as usize]);
+        let n_rows = order.iter().max().map_or(0, |&last| last as usize + 1);
+        // If almost all rows of the source are gone, counting them all would take more memory than the scene.
+        if n_rows > 16 * self.len() {
+            indices.sort_by_key(|&i| order[i as usize]);
+            return indices;
+        }
+        // The place of the next Gaussian of each row.
+        let mut places = vec![0_u32; n_rows + 1];
+        for &row in order {
+            places[row as usize + 1] += 1;
+        }
+        for row in 0..n_rows {
+            places[row + 1] += places[row];
+        }
+        for (i, &row) in (0..).zip(order) {
+            let place = &mut places[row as usize];
+            indices[*place as usize] = i;
+            *place += 1;
+        }
         indices
     }
 
@@ -342,6 +361,20 @@ fn relabeled(neighbors: &Neighbors, n_gaussians: usize, indices: &[u32]) -> Opti
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
+
+    #[test]
+    fn the_order_of_the_source_is_a_stable_sort() {
+        let mut random = Random::new(1);
+        // Rows that are repeated, that are missing, and that are almost all missing.
+        for (n, n_rows) in [(0, 1), (1, 1), (1, 1000), (200, 50), (200, 500), (200, 100_000)] {
+            let order: Vec<u32> = (0..n).map(|_| (random.uniform() * n_rows as f32) as u32).collect();
+            let scene = Scene { means: vec![Vec3::ZERO; n], order, ..Scene::default() };
+            let mut expected: Vec<u32> = (0..n as u32).collect();
+            expected.sort_by_key(|&i| scene.order[i as usize]);
+            assert_eq!(scene.by_source(), expected, "{n} of {n_rows}");
+        }
+    }
 
     /// Four Gaussians on a line, x = 3, 0, 2, 1, with every optional part.
     fn line() -> Scene {

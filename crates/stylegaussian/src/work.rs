@@ -88,6 +88,11 @@ impl Work {
         if self.is_canceled() { Err(Canceled) } else { Ok(()) }
     }
 
+    /// Whether another one is of the same computation.
+    pub fn is_same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.state, &other.state)
+    }
+
     /// The part of this one between two shares of it, 0..1.
     #[must_use]
     pub fn part(&self, from: f32, to: f32) -> Self {
@@ -115,6 +120,7 @@ mod tests {
         assert_eq!(work.done(), 0.75);
         second.part(0.5, 1.0).at(1.0).unwrap();
         assert_eq!(work.done(), 1.0);
+        assert!(second.is_same(&work) && !work.is_same(&Work::default()));
     }
 
     #[test]

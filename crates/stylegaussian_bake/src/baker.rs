@@ -10,7 +10,7 @@ use stylegaussian::{
     recolor::Recoloring,
     splat::{BlendWeights, blend_weights_from},
     strokes::{StrokeSeed, Strokes},
-    work::Work,
+    work::{Canceled, Work},
 };
 use stylegaussian_encoder::Image;
 
@@ -142,7 +142,7 @@ impl Baker {
         let images = paintings;
         // Other random numbers than those of any step.
         let mut random = Random::new(!config.seed);
-        let paintings = Paintings::new(images, config.view, config.keys, &mut random, &network)?;
+        let paintings = Paintings::new(images, config.view, config.keys, &mut random, &network, work)?;
         work.at(0.1)?;
         let cameras = Cameras::survey(scene, cameras, config.view, config.crop, work)?
             .ok_or(BakeError::NothingVisible { n_gaussians: scene.len() })?;
@@ -260,6 +260,19 @@ impl Baker {
     /// # Panics
     /// If `scene` has another number of Gaussians than the one that the bake began with.
     pub fn step(&mut self, scene: &Scene) -> Losses {
+        let losses = self.step_if_wanted(scene, &Work::default());
+        losses.expect("nobody else has the work, so nobody cancels it")
+    }
+
+    /// As [`step`](Self::step). It tells no progress.
+    ///
+    /// # Errors
+    /// If `work` is canceled. No color has moved then, but moments may have: the bake must not go on.
+    ///
+    /// # Panics
+    /// As [`step`](Self::step).
+    pub fn step_if_wanted(&mut self, scene: &Scene, work: &Work) -> Result<Losses, Canceled> {
+        work.check()?;
         assert_eq!(self.colors.len(), scene.len() * 3, "one color per Gaussian");
         let (step, config, cameras, start) =
             (self.steps, self.config, self.cameras.clone(), self.start.clone());
@@ -268,12 +281,13 @@ impl Baker {
         let crop = drawn.unwrap_or_else(|| draw(step));
         // Drawn beside this step, parts of which run on one thread.
         let ahead = || (step + 1 < config.steps).then(|| draw(step + 1));
-        let (losses, next) = rayon::join(|| self.step_on(crop), ahead);
+        work.check()?;
+        let (losses, next) = rayon::join(|| self.step_on(crop, work), ahead);
         self.next = next;
         losses
     }
 
-    fn step_on(&mut self, crop: Crop) -> Losses {
+    fn step_on(&mut self, crop: Crop, work: &Work) -> Result<Losses, Canceled> {
         let Crop { distance, weights, alpha, mask, strokes, mut random, .. } = crop;
         let config = self.config;
         let side = config.crop as usize;
@@ -285,9 +299,9 @@ impl Baker {
         let gray = self.steps % 2 == 1;
         let tone = gray.then_some(self.paintings.tone);
         let seen = tone.map_or_else(|| rgb.clone(), |tone| tone.gray(&rgb));
-        let features = self.network.forward(&self.sizes, &seen);
+        let features = self.network.forward(&self.sizes, &seen, work)?;
         let (mut losses, grads) = self.compare(gray, distance, &features, &mask, &mut random);
-        let mut grad = self.network.backward(&self.sizes, &features, grads);
+        let mut grad = self.network.backward(&self.sizes, &features, grads, work)?;
         if let Some(tone) = tone {
             grad = tone.backward(&grad, self.paintings.line);
         }
@@ -305,7 +319,7 @@ impl Baker {
         losses.palette = self.paintings.palette.pull(&mut self.colors, config.weights.palette);
         self.steps += 1;
         self.average_last();
-        losses
+        Ok(losses)
     }
 
     /// Takes the colors into the average, if they are before or after one of the last steps. At the very end

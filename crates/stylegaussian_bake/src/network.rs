@@ -5,6 +5,7 @@ mod bank;
 use std::path::Path;
 
 use rayon::prelude::*;
+use stylegaussian::work::{Canceled, Work};
 pub(crate) use stylegaussian_encoder::chain::Size;
 use stylegaussian_encoder::{
     chain::{Chain, Operation, Values, add},
@@ -129,13 +130,26 @@ impl LossNetwork {
     }
 
     /// Features of a picture RGB 0..1 `[h * w, 3]`.
-    pub(crate) fn forward(&self, sizes: &Sizes, rgb: &[f32]) -> Features {
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub(crate) fn forward(&self, sizes: &Sizes, rgb: &[f32], work: &Work) -> Result<Features, Canceled> {
         let chains = self.chains.par_iter().zip(&sizes.0);
-        Features(chains.map(|(chain, sizes)| chain.forward(sizes, rgb)).collect())
+        let features = chains.map(|(chain, sizes)| chain.forward_if_wanted(sizes, rgb, work));
+        Ok(Features(features.collect::<Result<_, Canceled>>()?))
     }
 
     /// The gradient with respect to the picture `[h * w, 3]`, from one with respect to each layer's rows.
-    pub(crate) fn backward(&self, sizes: &Sizes, features: &Features, grads: Vec<Vec<f32>>) -> Vec<f32> {
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub(crate) fn backward(
+        &self,
+        sizes: &Sizes,
+        features: &Features,
+        grads: Vec<Vec<f32>>,
+        work: &Work,
+    ) -> Result<Vec<f32>, Canceled> {
         let mut of_chains: Vec<Vec<Option<Vec<f32>>>> =
             self.chains.iter().map(|chain| vec![None; chain.last() + 1]).collect();
         for (layer, grad) in self.layers.iter().zip(grads) {
@@ -144,8 +158,9 @@ impl LossNetwork {
             }
         }
         let chains = self.chains.par_iter().zip(&sizes.0).zip(&features.0).zip(of_chains);
-        let of_chains: Vec<Option<Vec<f32>>> =
-            chains.map(|(((chain, sizes), values), grads)| chain.backward(sizes, values, grads)).collect();
+        let of_chains = chains
+            .map(|(((chain, sizes), values), grads)| chain.backward_if_wanted(sizes, values, grads, work));
+        let of_chains: Vec<Option<Vec<f32>>> = of_chains.collect::<Result<_, Canceled>>()?;
         // In order, so that the sum is the same for any number of threads.
         let mut of_chains = of_chains.into_iter().flatten();
         let n_values = features.0.first().map_or(0, |values| values.rows(0).len());
@@ -153,7 +168,7 @@ impl LossNetwork {
         for grad in of_chains {
             add(&mut grad_rgb, &grad);
         }
-        grad_rgb
+        Ok(grad_rgb)
     }
 }
 

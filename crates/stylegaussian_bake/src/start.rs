@@ -7,7 +7,7 @@ use stylegaussian::{
     strokes::{StrokeWord, Strokes},
     work::{Canceled, Work},
 };
-use stylegaussian_encoder::{Image, paint_of};
+use stylegaussian_encoder::{Image, paint_of_if_wanted};
 
 use crate::{cameras::Cameras, config::BakeConfig, error::BakeError};
 
@@ -61,7 +61,7 @@ impl Whole {
         let cameras = Cameras::survey(scene, &[], config.view, config.crop, &work.part(0.0, 0.4))?
             .ok_or(BakeError::NothingVisible { n_gaussians: scene.len() })?;
         let surface = surface(scene, &cameras, &work.part(0.4, 0.6))?;
-        let (canvases, hand) = (canvases(paintings), Hand::default());
+        let (canvases, hand) = (canvases(paintings, &work.part(0.6, 0.6))?, Hand::default());
         let weighted = weighted(&canvases);
         let painted = lay(scene, &surface, &weighted, &hand, 0.0, &work.part(0.6, 0.9))?;
         let company = Company::new(&surface, &weighted, &hand, &painted.strokes, &work.part(0.9, 1.0))?;
@@ -115,7 +115,7 @@ fn painted(
         let surface = Surface::part_of(scene, surface, work)?;
         return lay_beside(scene, &surface, &weighted(canvases), (&hand, 0.0, company), work);
     }
-    let canvases = canvases(paintings);
+    let canvases = canvases(paintings, &work.part(0.0, 0.0))?;
     lay(scene, &surface(scene, cameras, work)?, &weighted(&canvases), &hand, 0.0, work)
 }
 
@@ -129,9 +129,16 @@ fn surface(scene: &Scene, cameras: &Cameras, work: &Work) -> Result<Surface, Can
 }
 
 /// The paintings as paint is taken from them, and their weights.
-fn canvases(paintings: &[(Image, f32)]) -> Vec<(Canvas, f64)> {
+///
+/// # Errors
+/// If `work` is canceled.
+fn canvases(paintings: &[(Image, f32)], work: &Work) -> Result<Vec<(Canvas, f64)>, Canceled> {
     let used = paintings.iter().filter(|(_, weight)| *weight > 0.0);
-    used.map(|(image, weight)| (Canvas::new(&paint_of(image)), f64::from(*weight))).collect()
+    let canvas = |(image, weight): &(Image, f32)| {
+        let paint = paint_of_if_wanted(image, work)?;
+        Ok::<_, Canceled>((Canvas::new_if_wanted(&paint, work)?, f64::from(*weight)))
+    };
+    used.map(canvas).collect()
 }
 
 /// The same, as paint takes them.

@@ -1,7 +1,12 @@
 //! The aim of a bake: the paintings as the loss network sees them.
 
 use rayon::prelude::*;
-use stylegaussian::{palette::Palette, random::Random, recolor::ColorMoments};
+use stylegaussian::{
+    palette::Palette,
+    random::Random,
+    recolor::ColorMoments,
+    work::{Canceled, Work},
+};
 use stylegaussian_encoder::{Image, StyleSize};
 
 use crate::{
@@ -47,12 +52,16 @@ pub(crate) struct Paintings {
 impl Paintings {
     /// Looks at paintings with weights above 0 at about `side` x `side` pixels, and takes `keys` random cells
     /// of each layer that is matched.
+    ///
+    /// # Errors
+    /// If no painting can be used, or `work` is canceled.
     pub fn new(
         paintings: &[(Image, f32)],
         side: u32,
         keys: usize,
         random: &mut Random,
         network: &LossNetwork,
+        work: &Work,
     ) -> Result<Self, BakeError> {
         let used: Vec<&(Image, f32)> = paintings.iter().filter(|(_, weight)| *weight > 0.0).collect();
         if used.is_empty() || used.iter().any(|(_, weight)| !weight.is_finite()) {
@@ -60,7 +69,10 @@ impl Paintings {
         }
         let total: f64 = used.iter().map(|(_, weight)| f64::from(*weight)).sum();
         let shares: Vec<f32> = used.iter().map(|(_, weight)| (f64::from(*weight) / total) as f32).collect();
-        let images = used.iter().map(|(image, _)| prepared(image, side)).collect::<Result<Vec<_>, _>>()?;
+        // Each is shrunk by a part of the work that tells no progress: their number and sizes differ.
+        let at = work.part(0.0, 0.0);
+        let images =
+            used.iter().map(|(image, _)| prepared(image, side, &at)).collect::<Result<Vec<_>, _>>()?;
         let colors = colors(&images, &shares);
         let mean = |channel: usize| {
             let sum: f64 = colors.iter().skip(channel).step_by(3).map(|value| f64::from(*value)).sum();
@@ -78,7 +90,7 @@ impl Paintings {
             let gray = Image { rgb: tone.gray(&image.rgb), ..image.clone() };
             let n_keys = (share * keys as f32).ceil() as usize;
             for (layers, image) in layers.iter_mut().zip([&image, &gray]) {
-                add_painting(layers, image, *share, n_keys, random, network);
+                add_painting(layers, image, (*share, n_keys), random, network, work)?;
             }
         }
         // Ten pixels of a hundred thousand: fewer are specks of dust.
@@ -104,7 +116,7 @@ impl Paintings {
 }
 
 /// The painting at the size at which it is compared.
-fn prepared(image: &Image, side: u32) -> Result<Image, BakeError> {
+fn prepared(image: &Image, side: u32, work: &Work) -> Result<Image, BakeError> {
     let (width, height) = (image.width, image.height);
     let n_values = width as usize * height as usize * 3;
     let broken = |found: String| BakeError::Painting { width, height, found };
@@ -114,7 +126,7 @@ fn prepared(image: &Image, side: u32) -> Result<Image, BakeError> {
     if let Some(value) = image.rgb.iter().find(|value| !value.is_finite()) {
         return Err(broken(format!("the value {value}")));
     }
-    let image = StyleSize::Area(side * side).resize(image);
+    let image = StyleSize::Area(side * side).resize_if_wanted(image, work)?;
     // So small a picture has no strokes, but each layer needs cells: two along each side at an eighth of the
     // size, since windows see the border as in a mirror.
     let least = |side: u32| side.max(16);
@@ -154,16 +166,19 @@ impl Sum {
 
 /// Adds `share` of a painting's statistics to the layers' aims, and `n_keys` of its cells; all, if it has no
 /// more.
+///
+/// # Errors
+/// If `work` is canceled.
 fn add_painting(
     layers: &mut [Sum],
     image: &Image,
-    share: f32,
-    n_keys: usize,
+    (share, n_keys): (f32, usize),
     random: &mut Random,
     network: &LossNetwork,
-) {
+    work: &Work,
+) -> Result<(), Canceled> {
     let size = Size { width: image.width as usize, height: image.height as usize };
-    let features = network.forward(&network.sizes(size), &image.rgb);
+    let features = network.forward(&network.sizes(size), &image.rgb, work)?;
     // Random numbers are drawn in order, before the layers are shared out among threads.
     let mut chosen = |layer: &Layer| {
         let cells: Vec<u32> = (0..(features.rows(layer).len() / layer.channels) as u32).collect();
@@ -187,4 +202,5 @@ fn add_painting(
         deviation.iter_mut().zip(added.statistics.deviation).for_each(|(sum, value)| *sum += share * value);
         layer.keys.extend(added.keys);
     }
+    Ok(())
 }

@@ -139,6 +139,7 @@ impl Decode for Decoding<'_> {
         &mut self,
         scene: &Scene,
         map: &ChannelMap,
+        _: &Work,
     ) -> Result<Vec<[f32; 3]>, Box<dyn Error + Send + Sync>> {
         Ok(self.compute.stylize(scene, self.decoder, map)?)
     }

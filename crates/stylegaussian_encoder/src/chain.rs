@@ -17,6 +17,8 @@ pub(crate) use file::is_chain;
 pub use pixels::add;
 pub use size::Size;
 
+use stylegaussian::work::{Canceled, Work};
+
 /// One operation. Value 0 is the picture, value i + 1 the result of operation i.
 #[derive(Clone, Debug)]
 pub enum Operation {
@@ -149,12 +151,31 @@ impl Chain {
     /// # Panics
     /// If the chain does not [take](Self::takes) the picture.
     pub fn forward(&self, sizes: &[Size], picture: &[f32]) -> Values {
+        let values = self.forward_if_wanted(sizes, picture, &Work::default());
+        values.expect("nobody else has the work, so nobody cancels it")
+    }
+
+    /// As [`forward`](Self::forward). It tells no progress.
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    ///
+    /// # Panics
+    /// If the chain does not [take](Self::takes) the picture.
+    pub fn forward_if_wanted(
+        &self,
+        sizes: &[Size],
+        picture: &[f32],
+        work: &Work,
+    ) -> Result<Values, Canceled> {
         let mut values = vec![picture.to_vec()];
         for i in 0..self.operations.len() {
-            let result = self.result(i, sizes, &values[i], |value| &values[value]);
+            let result = self.result(i, sizes, &values[i], |value| &values[value], work);
+            // The result of a canceled operation is not whole.
+            work.check()?;
             values.push(result);
         }
-        Values(values)
+        Ok(Values(values))
     }
 
     /// The last value on a picture `[h * w, C]`, without keeping the others.
@@ -162,6 +183,23 @@ impl Chain {
     /// # Panics
     /// If the chain does not [take](Self::takes) the picture.
     pub fn output(&self, sizes: &[Size], picture: Vec<f32>) -> Vec<f32> {
+        let output = self.output_if_wanted(sizes, picture, &Work::default());
+        output.expect("nobody else has the work, so nobody cancels it")
+    }
+
+    /// As [`output`](Self::output).
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    ///
+    /// # Panics
+    /// If the chain does not [take](Self::takes) the picture.
+    pub fn output_if_wanted(
+        &self,
+        sizes: &[Size],
+        picture: Vec<f32>,
+        work: &Work,
+    ) -> Result<Vec<f32>, Canceled> {
         // Each value is kept up to the last operation that needs it.
         let mut needed: Vec<usize> = (0..=self.operations.len()).collect();
         for (i, operation) in self.operations.iter().enumerate() {
@@ -171,25 +209,29 @@ impl Chain {
         }
         let mut values = vec![picture];
         for i in 0..self.operations.len() {
-            let result = self.result(i, sizes, &values[i], |value| &values[value]);
+            let result = self.result(i, sizes, &values[i], |value| &values[value], work);
+            // The result of a canceled operation is not whole.
+            work.at((i + 1) as f32 / self.operations.len() as f32)?;
             values.push(result);
             for (value, _) in needed.iter().enumerate().filter(|(_, last)| **last == i) {
                 values[value] = Vec::new();
             }
         }
-        values.pop().unwrap_or_default()
+        Ok(values.pop().unwrap_or_default())
     }
 
-    /// The result of operation i on the value x before it. `earlier` gives the values before that.
+    /// The result of operation i on the value x before it. `earlier` gives the values before that. If `work` is
+    /// canceled, parts of it may be missing.
     fn result<'a>(
         &self,
         i: usize,
         sizes: &[Size],
         x: &[f32],
         earlier: impl FnOnce(usize) -> &'a Vec<f32>,
+        work: &Work,
     ) -> Vec<f32> {
         match &self.operations[i] {
-            Operation::Convolution(convolution) => convolution.forward(x, sizes[i]),
+            Operation::Convolution(convolution) => convolution.forward(x, sizes[i], work),
             Operation::Add(value) => {
                 let mut sum = x.to_vec();
                 add(&mut sum, earlier(*value));
@@ -207,8 +249,23 @@ impl Chain {
         &self,
         sizes: &[Size],
         values: &Values,
-        mut grads: Vec<Option<Vec<f32>>>,
+        grads: Vec<Option<Vec<f32>>>,
     ) -> Option<Vec<f32>> {
+        let grad = self.backward_if_wanted(sizes, values, grads, &Work::default());
+        grad.expect("nobody else has the work, so nobody cancels it")
+    }
+
+    /// As [`backward`](Self::backward). It tells no progress.
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn backward_if_wanted(
+        &self,
+        sizes: &[Size],
+        values: &Values,
+        mut grads: Vec<Option<Vec<f32>>>,
+        work: &Work,
+    ) -> Result<Option<Vec<f32>>, Canceled> {
         for (i, operation) in self.operations.iter().enumerate().rev() {
             let Some(mut grad) = grads[i + 1].take() else { continue };
             let c = self.channels(i);
@@ -217,7 +274,7 @@ impl Chain {
                     if convolution.relu() {
                         pixels::gate(&mut grad, &values.0[i + 1]);
                     }
-                    accumulate(&mut grads[i], convolution.backward(&grad, sizes[i]));
+                    accumulate(&mut grads[i], convolution.backward(&grad, sizes[i], work));
                 }
                 Operation::Add(value) => {
                     match &mut grads[*value] {
@@ -238,8 +295,9 @@ impl Chain {
                     accumulate(&mut grads[i], pixels::double_backward(&grad, c, sizes[i]));
                 }
             }
+            work.check()?;
         }
-        grads.swap_remove(0)
+        Ok(grads.swap_remove(0))
     }
 }
 

@@ -6,7 +6,10 @@ use std::{
 };
 
 use sha2::{Digest, Sha256};
-use stylegaussian::EncoderId;
+use stylegaussian::{
+    EncoderId,
+    work::{Canceled, Work},
+};
 
 #[cfg(all(feature = "onnx", not(target_family = "wasm")))]
 use crate::onnx::{Graph, OnnxError, Planes};
@@ -100,6 +103,9 @@ pub enum EncoderError {
         /// Least number of columns and rows that the encoder takes.
         min_side: u32,
     },
+    /// Nobody wants the features any more.
+    #[error(transparent)]
+    Canceled(#[from] Canceled),
     /// The image has more or fewer values than its size requires.
     #[error("the image of {width}x{height} has {found} values, expected 3 for each pixel")]
     ImageValues {
@@ -259,6 +265,15 @@ impl Encoder {
     /// If the image is smaller than [`MIN_SIDE`] or than the network needs, if an ONNX graph takes another
     /// size, or if the engine fails.
     pub fn encode(&self, image: &Image) -> Result<FeatureMap, EncoderError> {
+        self.encode_if_wanted(image, &Work::default())
+    }
+
+    /// As [`encode`](Self::encode). A graph that another engine runs is run to its end once it has begun.
+    ///
+    /// # Errors
+    /// As [`encode`](Self::encode), or [`EncoderError::Canceled`] if `work` is canceled.
+    pub fn encode_if_wanted(&self, image: &Image, work: &Work) -> Result<FeatureMap, EncoderError> {
+        work.check()?;
         let (width, height) = (image.width, image.height);
         let n_pixels = width as usize * height as usize;
         let min_side = self.min_side;
@@ -278,7 +293,7 @@ impl Encoder {
                 }
                 let sizes = chain.sizes(size);
                 let size = sizes[chain.last()];
-                let values = chain.output(&sizes, image.rgb.clone());
+                let values = chain.output_if_wanted(&sizes, image.rgb.clone(), work)?;
                 let (width, height) = (size.width as u32, size.height as u32);
                 FeatureMap { width, height, n_channels: self.n_channels, values }
             }

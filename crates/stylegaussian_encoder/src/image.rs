@@ -3,16 +3,19 @@
 mod ending;
 mod file;
 mod photo;
+mod resize;
 
 use std::path::{Path, PathBuf};
 
-use ::image::{
-    DynamicImage, ImageBuffer, ImageError as DecodeError, Luma, Rgb, RgbImage,
-    imageops::{self, FilterType},
-};
+pub use ::image::DynamicImage;
+use ::image::{ImageError as DecodeError, RgbImage};
 
 pub use file::{extensions, format_names};
-use stylegaussian::paint::{AreaError, pixels_of};
+pub(crate) use resize::Filter;
+use stylegaussian::{
+    paint::{AreaError, pixels_of},
+    work::{Canceled, Work},
+};
 
 /// Least width and height of an image for any encoder, in pixels. VGG with reflection padding needs 5; with 8
 /// there are 2x2 positions, so that a standard deviation exists.
@@ -30,6 +33,9 @@ const MAX_DECODER_BYTES: u64 = MAX_PIXELS * 8;
 /// Most bytes of a file: 16-bit RGBA of [`MAX_PIXELS`] that does not compress, and as much again for its
 /// metadata.
 const MAX_FILE_BYTES: u64 = 2 * MAX_DECODER_BYTES;
+
+/// Pixels that are converted between two looks at whether they are still wanted: 3 MiB as f32 RGB.
+const BAND: usize = 1 << 18;
 
 /// An RGB image.
 #[derive(Clone, Debug, PartialEq)]
@@ -252,27 +258,74 @@ impl Image {
     /// The image at another size. Each pixel averages the area that it covers (Lanczos of 3 lobes, clamped to
     /// 0..1).
     pub fn resized(&self, width: u32, height: u32) -> Self {
-        self.resized_with(width, height, FilterType::Lanczos3)
+        let work = Work::default();
+        self.resized_if_wanted(width, height, &work).expect("nobody else has the work, so nobody cancels it")
     }
 
-    pub(crate) fn resized_with(&self, width: u32, height: u32, filter: FilterType) -> Self {
+    /// As [`resized`](Self::resized).
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn resized_if_wanted(&self, width: u32, height: u32, work: &Work) -> Result<Self, Canceled> {
+        self.resized_with(width, height, Filter::Lanczos3, work)
+    }
+
+    pub(crate) fn resized_with(
+        &self,
+        width: u32,
+        height: u32,
+        filter: Filter,
+        work: &Work,
+    ) -> Result<Self, Canceled> {
+        work.check()?;
         if (width, height) == (self.width, self.height) {
-            return self.clone();
+            return Ok(self.clone());
         }
-        let view = ImageBuffer::<Rgb<f32>, &[f32]>::from_raw(self.width, self.height, &self.rgb[..]);
-        let Some(view) = view.filter(|view| view.width() > 0 && view.height() > 0) else {
-            let rgb = vec![0.0; width as usize * height as usize * 3];
-            return Self { width, height, rgb, alpha: None };
-        };
-        let mut rgb = imageops::resize(&view, width, height, filter).into_raw();
+        let (from, to) = ([self.width, self.height], [width, height]);
+        let n_pixels = |[width, height]: [u32; 2]| width as usize * height as usize;
+        let has_pixels = |values: &[f32], n: usize| !values.is_empty() && values.len() >= n * n_pixels(from);
+        // The fields are public, so the size may not fit the values.
+        if n_pixels(from) == 0 || n_pixels(to) == 0 || !has_pixels(&self.rgb, 3) {
+            return Ok(Self { width, height, rgb: vec![0.0; 3 * n_pixels(to)], alpha: None });
+        }
         // Lanczos has negative lobes and overshoots at edges.
-        rgb.iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
-        let alpha = self.alpha.as_ref().and_then(|alpha| {
-            let view = ImageBuffer::<Luma<f32>, &[f32]>::from_raw(self.width, self.height, &alpha[..])?;
-            let alpha = imageops::resize(&view, width, height, filter).into_raw();
-            Some(alpha.into_iter().map(|value| value.clamp(0.0, 1.0)).collect())
-        });
-        Self { width, height, rgb, alpha }
+        let clamped = |mut values: Vec<f32>| {
+            values.iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
+            values
+        };
+        let alpha = self.alpha.as_ref().filter(|alpha| has_pixels(alpha, 1));
+        let rgb = clamped(resize::resized::<3>(&self.rgb, from, to, filter, work)?);
+        let alpha = alpha.map(|alpha| resize::resized::<1>(alpha, from, to, filter, work)).transpose()?;
+        let alpha = alpha.map(clamped);
+        Ok(Self { width, height, rgb, alpha })
+    }
+
+    /// The part of a decoded image between `edges`, which lie within it: its first column and row, and its last
+    /// ones, exclusive, as left, top, right and bottom. Transparent pixels are laid over white.
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn of_part(image: &DynamicImage, edges: [usize; 4], work: &Work) -> Result<Self, Canceled> {
+        let [left, top, right, bottom] = edges.map(|edge| edge as u32);
+        let (width, height) = (right - left, bottom - top);
+        let rows = (BAND / (width as usize).max(1)).max(1);
+        let mut rgb: Vec<f32> = Vec::with_capacity(3 * width as usize * height as usize);
+        let mut alpha: Option<Vec<f32>> = None;
+        for first in (0..height).step_by(rows) {
+            work.at(first as f32 / height as f32)?;
+            let n_rows = (rows as u32).min(height - first);
+            let band = Self::from(image.crop_imm(left, top + first, width, n_rows));
+            if band.alpha.is_some() || alpha.is_some() {
+                // Bands before the first translucent one are opaque.
+                let known = alpha.get_or_insert_with(|| vec![1.0; rgb.len() / 3]);
+                match band.alpha {
+                    Some(of_band) => known.extend(of_band),
+                    None => known.resize((rgb.len() + band.rgb.len()) / 3, 1.0),
+                }
+            }
+            rgb.extend(band.rgb);
+        }
+        Ok(Self { width, height, rgb, alpha })
     }
 }
 

@@ -27,4 +27,7 @@ pub mod weights;
 pub use encoder::{Encoder, EncoderError};
 pub use features::FeatureMap;
 pub use image::{Image, ImageError};
-pub use style::{StyleSize, paint_of, painted_style, style_features, style_statistics};
+pub use style::{
+    StyleSize, paint_of, paint_of_if_wanted, painted_style, style_features, style_statistics,
+    style_statistics_if_wanted,
+};

@@ -1,9 +1,18 @@
 //! Statistics of a style image, which AdaIN matches.
 
-use image::imageops::FilterType;
-use stylegaussian::{ChannelStatistics, paint::Paint};
+use stylegaussian::{
+    ChannelStatistics,
+    paint::Paint,
+    work::{Canceled, Work},
+};
 
-use crate::{Encoder, EncoderError, FeatureMap, Image, image::MIN_SIDE};
+use crate::{
+    Encoder, EncoderError, FeatureMap, Image,
+    image::{Filter, MIN_SIDE},
+};
+
+/// Share of encoding an image that shrinking it takes: for large ones, and less for others.
+const SHRINKING: f32 = 0.2;
 
 /// The size at which a style image is encoded.
 ///
@@ -44,10 +53,19 @@ impl StyleSize {
 
     /// The image at that size.
     pub fn resize(self, image: &Image) -> Image {
+        let resized = self.resize_if_wanted(image, &Work::default());
+        resized.expect("nobody else has the work, so nobody cancels it")
+    }
+
+    /// As [`resize`](Self::resize).
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn resize_if_wanted(self, image: &Image, work: &Work) -> Result<Image, Canceled> {
         let (width, height) = self.of(image.width, image.height);
         match self {
-            Self::Area(_) => image.resized(width, height),
-            Self::Squash256 => image.resized_with(width, height, FilterType::Triangle),
+            Self::Area(_) => image.resized_if_wanted(width, height, work),
+            Self::Squash256 => image.resized_with(width, height, Filter::Triangle, work),
         }
     }
 }
@@ -57,11 +75,22 @@ impl StyleSize {
 /// # Errors
 /// As [`Encoder::encode`].
 pub fn style_features(encoder: &Encoder, image: &Image, size: StyleSize) -> Result<FeatureMap, EncoderError> {
-    match encoder.input_size() {
+    style_features_if_wanted(encoder, image, size, &Work::default())
+}
+
+fn style_features_if_wanted(
+    encoder: &Encoder,
+    image: &Image,
+    size: StyleSize,
+    work: &Work,
+) -> Result<FeatureMap, EncoderError> {
+    let shrinking = work.part(0.0, SHRINKING);
+    let resized = match encoder.input_size() {
         // A graph of one size leaves no choice, so `size` does not apply.
-        Some((width, height)) => encoder.encode(&image.resized(width, height)),
-        None => encoder.encode(&size.resize(image)),
-    }
+        Some((width, height)) => image.resized_if_wanted(width, height, &shrinking)?,
+        None => size.resize_if_wanted(image, &shrinking)?,
+    };
+    encoder.encode_if_wanted(&resized, &work.part(SHRINKING, 1.0))
 }
 
 /// Mean and standard deviation of a style image's features, naming the encoder.
@@ -76,7 +105,20 @@ pub fn style_statistics(
     image: &Image,
     size: StyleSize,
 ) -> Result<ChannelStatistics, EncoderError> {
-    let statistics = style_features(encoder, image, size)?.statistics();
+    style_statistics_if_wanted(encoder, image, size, &Work::default())
+}
+
+/// As [`style_statistics`].
+///
+/// # Errors
+/// As [`Encoder::encode_if_wanted`].
+pub fn style_statistics_if_wanted(
+    encoder: &Encoder,
+    image: &Image,
+    size: StyleSize,
+    work: &Work,
+) -> Result<ChannelStatistics, EncoderError> {
+    let statistics = style_features_if_wanted(encoder, image, size, work)?.statistics();
     Ok(ChannelStatistics { encoder: Some(encoder.id().clone()), ..statistics })
 }
 
@@ -98,8 +140,16 @@ const OPAQUE: f32 = 0.5;
 /// The painting's own paint, for which no encoder is needed. It keeps the image's proportions: strokes have a
 /// shape. Pixels that are more transparent than opaque are not used.
 pub fn paint_of(image: &Image) -> Paint {
+    paint_of_if_wanted(image, &Work::default()).expect("nobody else has the work, so nobody cancels it")
+}
+
+/// As [`paint_of`].
+///
+/// # Errors
+/// If `work` is canceled.
+pub fn paint_of_if_wanted(image: &Image, work: &Work) -> Result<Paint, Canceled> {
     let (width, height) = Paint::size_of(image.width, image.height);
-    let mut image = image.resized(width, height);
+    let mut image = image.resized_if_wanted(width, height, work)?;
     if let Some(alpha) = &image.alpha {
         for (pixel, alpha) in image.rgb.chunks_exact_mut(3).zip(alpha).filter(|(_, alpha)| **alpha >= OPAQUE)
         {
@@ -108,7 +158,7 @@ pub fn paint_of(image: &Image) -> Paint {
         }
     }
     let used = image.alpha.as_ref().map(|alpha| alpha.iter().map(|alpha| *alpha >= OPAQUE).collect());
-    Paint::new(width as usize, height as usize, &image.rgb).with_used(used)
+    Ok(Paint::new(width as usize, height as usize, &image.rgb).with_used(used))
 }
 
 #[cfg(test)]
@@ -148,6 +198,53 @@ mod tests {
         let paints =
             [opaque.to_rgb8().into(), opaque].map(|image: image::DynamicImage| paint_of(&image.into()));
         assert!(paints[0] == paints[1] && paints[0].used.is_none());
+    }
+
+    /// A picture of several bands, translucent from a row within the second one on.
+    fn bands() -> image::DynamicImage {
+        let opacity = |y: u32| if y < 300 { 255 } else { 100 + (y % 100) as u8 };
+        let pixel = |x: u32, y: u32| image::Rgba([x as u8, y as u8, (x ^ y) as u8, opacity(y)]);
+        image::RgbaImage::from_fn(1024, 700, pixel).into()
+    }
+
+    #[test]
+    fn a_part_is_that_of_the_whole_image() {
+        let decoded = bands();
+        let whole = Image::from(decoded.clone());
+        for edges in [[0, 0, 1024, 700], [0, 0, 1024, 280], [3, 20, 1000, 690], [10, 400, 11, 401]] {
+            let area = [(0, 1024.0), (1, 700.0), (2, 1024.0), (3, 700.0)];
+            let area = area.map(|(i, side): (usize, f32)| edges[i] as f32 / side);
+            let mut expected = whole.cropped(area).unwrap();
+            // An alpha channel of an opaque part says nothing.
+            expected.alpha = expected.alpha.filter(|alpha| alpha.iter().any(|alpha| *alpha < 1.0));
+            assert!(Image::of_part(&decoded, edges, &Work::default()).unwrap() == expected, "{edges:?}");
+        }
+    }
+
+    /// A computation that is canceled once more than a share of it is done.
+    fn stopping_after(stop: f32) -> Work {
+        let own = std::sync::Arc::new(std::sync::OnceLock::<Work>::new());
+        let known = std::sync::Arc::clone(&own);
+        let work = Work::telling(move |share| {
+            if share > stop {
+                known.get().unwrap().cancel();
+            }
+        });
+        own.get_or_init(|| work).clone()
+    }
+
+    #[test]
+    fn an_image_that_nobody_waits_for_is_read_no_further() {
+        let decoded = bands();
+        let whole = Image::of_part(&decoded, [0, 0, 1024, 700], &Work::default()).unwrap();
+        for stop in [0.0, 0.2, 0.5] {
+            let work = stopping_after(stop);
+            assert!(Image::of_part(&decoded, [0, 0, 1024, 700], &work) == Err(Canceled), "{stop}");
+            assert!(work.done() < 0.9, "it went on to {}", work.done());
+            let work = stopping_after(stop);
+            assert!(paint_of_if_wanted(&whole, &work) == Err(Canceled), "{stop}");
+            assert!(work.done() < 0.9, "it went on to {}", work.done());
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use stylegaussian::{axes::Axes, scene::Scene};
+use stylegaussian::{axes::Axes, scene::Scene, work::Canceled};
 
 /// A file that could not be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -28,6 +28,9 @@ pub enum FileError {
         /// The contents that the format demands.
         expected: String,
     },
+    /// Nobody wants the scene any more.
+    #[error(transparent)]
+    Canceled(#[from] Canceled),
 }
 
 /// A mismatch inside some bytes. [`FileError::Unexpected`] adds the file's name.
@@ -48,6 +51,14 @@ impl Mismatch {
 /// A [`Mismatch`] in the words of the message "found .., expected ..".
 pub(super) fn mismatch(found: impl fmt::Display, expected: impl fmt::Display) -> Mismatch {
     Mismatch { found: found.to_string(), expected: expected.to_string() }
+}
+
+/// A canceled reader stops like one that has found a mismatch. [`SceneReader`](crate::SceneReader) says
+/// [`FileError::Canceled`] then.
+impl From<Canceled> for Mismatch {
+    fn from(canceled: Canceled) -> Self {
+        mismatch(canceled, "a scene that somebody waits for")
+    }
 }
 
 /// A number of bytes in words.

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use stylegaussian::work::{Canceled, Work};
+
 use super::error::Mismatch;
 
 /// The bytes of a scene's files. A reader asks for others by name; whoever reads for it (a folder, an asset
@@ -14,6 +16,8 @@ pub(super) struct Files {
     pub extension: String,
     /// Files that it names, by their paths relative to it, with `/` between the parts.
     others: BTreeMap<String, Vec<u8>>,
+    /// Progress of reading them, and whether the scene is still wanted.
+    pub work: Work,
 }
 
 /// A scene that was not read.
@@ -31,10 +35,16 @@ impl From<Mismatch> for Unread {
     }
 }
 
+impl From<Canceled> for Unread {
+    fn from(canceled: Canceled) -> Self {
+        Self::Mismatch(canceled.into())
+    }
+}
+
 impl Files {
     /// A scene's first file.
     pub fn new(main: Vec<u8>, extension: String) -> Self {
-        Self { main, extension, others: BTreeMap::new() }
+        Self { main, extension, others: BTreeMap::new(), work: Work::default() }
     }
 
     /// The bytes of the file that was named, for a reader that needs no other and gives them back early.

@@ -60,6 +60,7 @@ pub(super) const GLTF: Format = Format {
 
 /// Reads all Gaussians.
 fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
+    let work = files.work.clone();
     let mut document = Document::open(files)?;
     let json = document.json.clone();
     let mut warnings = Vec::new();
@@ -72,7 +73,8 @@ fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
     let mut memory_left = document.n_bytes().saturating_mul(MOST_MEMORY_PER_BYTE);
     let mut memory_for_instances = memory_left.max(instances::FREE_MEMORY);
     let mut parts = Vec::with_capacity(found.len());
-    for Found { splats, shown } in &found {
+    for (i, Found { splats, shown }) in found.iter().enumerate() {
+        work.at(i as f32 / found.len() as f32)?;
         let is_last = found.len() == 1 && shown.instances.is_none();
         let limits = Limits { memory_left: &mut memory_left, is_last };
         let scene = splats.read(&mut document, are_logarithms, limits, &mut warnings)?;

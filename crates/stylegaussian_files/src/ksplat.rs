@@ -20,6 +20,8 @@ use half::f16;
 use stylegaussian::{
     scene::{Scene, Sh},
     sh::{MAX_DEGREE, dc_from_color, n_coefficients},
+    slices::SLICE,
+    work::{Canceled, Work},
 };
 
 use super::{
@@ -38,12 +40,12 @@ pub(super) const FORMAT: Format = Format {
     name: ".ksplat",
     extensions: &["ksplat"],
     recognizes: |_, extension| extension == "ksplat",
-    read: |files, _| Ok(read(&files.main)?),
+    read: |files, _| Ok(read(&files.main, &files.work)?),
     write: None,
 };
 
 /// Reads a scene.
-pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
+pub(super) fn read(bytes: &[u8], work: &Work) -> Result<Loaded, Mismatch> {
     let header = Header::parse(bytes)?;
     // Sections lie behind one another in the file, so that their sum is bounded by its size.
     let n = header.sections.iter().map(Section::len).sum();
@@ -63,7 +65,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     };
     scene.sh.iter_mut().for_each(|sh| enlarge(&mut sh.coefficients));
     for section in &header.sections {
-        add(section, &header, &mut scene);
+        add(section, &header, &mut scene, work)?;
     }
     let mut warnings = Vec::new();
     let scene = drop_broken(scene, &mut warnings);
@@ -71,7 +73,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
 }
 
 /// Adds the Gaussians of a section.
-fn add(section: &Section, header: &Header, scene: &mut Scene) {
+///
+/// # Errors
+/// If `work` is canceled.
+fn add(section: &Section, header: &Header, scene: &mut Scene, work: &Work) -> Result<(), Canceled> {
     let wide = header.level == 0;
     let number = |row: &[u8], i: usize| match wide {
         true => f32_at(row, 4 * i),
@@ -79,6 +84,9 @@ fn add(section: &Section, header: &Header, scene: &mut Scene) {
     };
     let width = if wide { 4 } else { 2 };
     for (row, center) in section.rows.chunks_exact(section.row).zip(section.centers()) {
+        if scene.means.len().is_multiple_of(SLICE) {
+            work.at(scene.means.len() as f32 / scene.n_source as f32)?;
+        }
         let mean = match wide {
             true => Vec3::from_array([0, 1, 2].map(|axis| number(row, axis))),
             false => {
@@ -97,6 +105,7 @@ fn add(section: &Section, header: &Header, scene: &mut Scene) {
             push_coefficients([r, g, b], &rest, section.degree, sh);
         }
     }
+    Ok(())
 }
 
 /// Appends a Gaussian's coefficients: the constant one of a color, and `rest`, degree by degree and

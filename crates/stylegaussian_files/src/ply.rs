@@ -8,6 +8,7 @@ use std::fmt;
 
 use glam::Vec3;
 use ply_rs::ply::Encoding;
+use stylegaussian::work::Work;
 
 use super::{
     error::{Loaded, Mismatch},
@@ -33,18 +34,20 @@ pub(super) const FORMAT: Format = Format {
     name: "3DGS .ply",
     extensions: &["ply"],
     recognizes: |bytes, _| matches!(bytes, [b'p', b'l', b'y', b'\n' | b'\r' | b' ' | b'\t', ..]),
-    read: |files, _| Ok(read(files.take_main())?),
+    read: |files, _| Ok(read(files.take_main(), &files.work)?),
     write: Some(|out, scene, options| Ok(write::write(out, scene, options).map(|()| Vec::new())?)),
 };
 
 pub(super) use pack::write as write_compressed;
 
 /// Reads a scene of either layout, compressed or native.
-pub(super) fn read(bytes: Vec<u8>) -> Result<Loaded, Mismatch> {
+pub(super) fn read(bytes: Vec<u8>, work: &Work) -> Result<Loaded, Mismatch> {
     let header = Header::parse(&bytes)?;
     let is_compressed = compressed::is_compressed(&header);
-    let mut loaded =
-        if is_compressed { compressed::read(&header, &bytes)? } else { native::read(&header, bytes)? };
+    let mut loaded = match is_compressed {
+        true => compressed::read(&header, &bytes, work)?,
+        false => native::read(&header, bytes, work)?,
+    };
     if let Some((up, because)) = header.up() {
         loaded.scene.up = Some(up);
         loaded.axes_because += &format!("; up is {}, because {because}", Direction(up));

@@ -2,7 +2,7 @@
 
 use std::{borrow::Cow, io, path::Path};
 
-use stylegaussian::scene::Scene;
+use stylegaussian::{scene::Scene, work::Work};
 
 use super::{
     atomic::write_atomically,
@@ -51,6 +51,23 @@ impl SceneReader {
     /// # Errors
     /// If the files are no scene, contradict themselves, or hold no Gaussian.
     pub fn read(&mut self) -> Result<Reading, FileError> {
+        self.read_if_wanted(&Work::default())
+    }
+
+    /// As [`read`](Self::read). One image, or one stream of zstd, is unpacked to its end once it has begun.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read), or [`FileError::Canceled`] if `work` is canceled.
+    pub fn read_if_wanted(&mut self, work: &Work) -> Result<Reading, FileError> {
+        work.check()?;
+        self.files.work = work.clone();
+        let reading = self.reading();
+        // Whatever a canceled reader has stopped at.
+        work.check()?;
+        reading
+    }
+
+    fn reading(&mut self) -> Result<Reading, FileError> {
         let at = Path::new(&self.name);
         let format =
             format_of(&self.files.main, &self.files.extension).map_err(|mismatch| mismatch.at(at))?;

@@ -29,6 +29,7 @@ use stylegaussian::{
     neighbors::Neighbors,
     scene::{Features, Scene, ScreenFilter, Sh},
     sh,
+    work::Work,
 };
 
 mod cameras;
@@ -50,7 +51,7 @@ pub(super) const FORMAT: Format = Format {
     name: ".sgs",
     extensions: &["sgs"],
     recognizes: |bytes, _| is_safetensors(bytes),
-    read: |files, _| Ok(read(&files.main)?),
+    read: |files, _| Ok(read(&files.main, &files.work)?),
     write: Some(|out, scene, _| write(out, scene).map(|()| Vec::new())),
 };
 
@@ -94,7 +95,7 @@ const KNOWN: [&str; 15] = [
 ];
 
 /// Reads a scene. Unknown tensors are ignored with a warning, so that other programs can add their own.
-pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
+pub(super) fn read(bytes: &[u8], work: &Work) -> Result<Loaded, Mismatch> {
     let reader = Reader::new(bytes)?;
     reader.expect_format(FORMAT_NAME)?;
     let mut warnings = Vec::new();
@@ -105,8 +106,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     }
     let mut scene = gaussians(&reader)?;
     let n = scene.len();
+    work.at(0.2)?;
     scene.sh = spherical_harmonics(&reader, n)?;
+    work.at(0.4)?;
     scene.features = features(&reader, n)?;
+    work.at(0.6)?;
     scene.neighbors = neighbors(&reader, n)?;
     if reader.names().iter().any(|name| name.starts_with("decoder.")) {
         scene.decoder = Some(decoder::from_tensors(&reader)?);
@@ -120,6 +124,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     // Files of earlier versions spell it `licence`.
     let license = reader.metadata("license").or_else(|| reader.metadata("licence"));
     scene.license = license.map(Into::into);
+    work.at(0.8)?;
     check_scene(&scene)?;
     Ok(Loaded::new(scene, warnings))
 }

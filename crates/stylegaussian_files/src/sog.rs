@@ -12,6 +12,7 @@ use stylegaussian::{
     axes::Axes,
     scene::{Scene, ScreenFilter, Sh},
     sh,
+    work::Work,
 };
 
 use super::{
@@ -117,7 +118,8 @@ fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
         }
         chunks.push((name, chunk, ranges));
     }
-    let scene = scene(chunks, &mut warnings)?;
+    let scene = scene(chunks, &mut warnings, &files.work)?;
+    files.work.at(0.95)?;
     // Tables of other values are finite.
     let is_finite = |scene: &Scene, i: usize| scene.means[i].is_finite() && scene.scales[i].is_finite();
     let mut scene = keep_if(scene, is_finite, &mut warnings);
@@ -134,6 +136,7 @@ fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
 fn scene(
     chunks: Vec<(String, Chunk, Vec<Range<usize>>)>,
     warnings: &mut Vec<String>,
+    work: &Work,
 ) -> Result<Scene, Mismatch> {
     let n: usize = chunks.iter().flat_map(|(_, _, ranges)| ranges).map(Range::len).sum();
     if u32::try_from(n).is_err() {
@@ -157,9 +160,12 @@ fn scene(
     enlarge(&mut scene.opacities);
     scene.sh.iter_mut().for_each(|sh| enlarge(&mut sh.coefficients));
     let mut n_untagged = 0;
+    let (n_chunks, mut n_decoded) = (chunks.len().max(1) as f32, 0.0);
     let mut chunks = chunks.into_iter();
     let mut decoded: Option<(Gaussians, Vec<Range<usize>>)> = None;
     loop {
+        work.at(0.9 * n_decoded / n_chunks)?;
+        n_decoded += 1.0;
         // While a chunk is appended the next one is decoded. The planes of others need not be in memory.
         let append = || {
             let (gaussians, ranges) = decoded.take()?;
@@ -167,7 +173,7 @@ fn scene(
         };
         let next = chunks.next();
         let decode = || {
-            next.map(|(name, chunk, ranges)| match chunk.decode() {
+            next.map(|(name, chunk, ranges)| match chunk.decode(work) {
                 Ok(gaussians) => Ok((gaussians, ranges)),
                 Err(mismatch) => Err(within(&name, mismatch)),
             })

@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use stylegaussian::{
     scene::{Scene, Sh},
     sh::{color_from_dc, dc_from_color, n_coefficients},
+    work::Work,
 };
 
 use super::{
@@ -31,7 +32,7 @@ pub(super) const FORMAT: Format = Format {
     name: ".splat",
     extensions: &["splat"],
     recognizes: |_, extension| extension == "splat",
-    read: |files, _| Ok(read(&files.main)?),
+    read: |files, _| Ok(read(&files.main, &files.work)?),
     write: Some(|out, scene, _| Ok(write(out, scene).map(|()| clamped(scene))?)),
 };
 
@@ -39,7 +40,7 @@ pub(super) const FORMAT: Format = Format {
 pub(super) const ROW: usize = 32;
 
 /// Reads a scene.
-pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
+pub(super) fn read(bytes: &[u8], work: &Work) -> Result<Loaded, Mismatch> {
     let (rows, rest) = bytes.as_chunks::<ROW>();
     if !rest.is_empty() {
         let expected = format!("a multiple of {ROW}, the size of a Gaussian in a .splat");
@@ -57,6 +58,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
     };
     let color = |row: &[u8; ROW]| dc_from_color([24, 25, 26].map(|i| f32::from(row[i]) / 255.0));
     let base: Vec<[f32; 3]> = rows.par_iter().map(color).collect();
+    work.at(0.3)?;
     let scene = Scene {
         means: rows.par_iter().map(|row| vec3(row, 0)).collect(),
         // A Gaussian with a negative standard deviation is drawn as its positive twin.
@@ -68,6 +70,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Loaded, Mismatch> {
         n_source: n,
         ..Scene::default()
     };
+    work.at(0.9)?;
     let mut warnings = Vec::new();
     let scene = drop_broken(scene, &mut warnings);
     Ok(Loaded::new(scene, warnings))

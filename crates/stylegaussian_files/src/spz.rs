@@ -8,7 +8,7 @@
 //! user has to tell by [`ReadOptions::axes`](super::ReadOptions).
 
 use glam::{DAffine3, DMat3, DVec3};
-use stylegaussian::{axes::Axes, scene::Scene};
+use stylegaussian::{axes::Axes, scene::Scene, work::Work};
 
 use super::{
     error::{Loaded, Mismatch},
@@ -30,15 +30,19 @@ pub(super) const FORMAT: Format = Format {
     extensions: &["spz"],
     // No other scene format is a gzip file.
     recognizes: |bytes, _| bytes.starts_with(header::MAGIC) || bytes.starts_with(&container::GZIP),
-    read: |files: &mut Files, options: &ReadOptions| Ok::<_, Unread>(read(&files.main, options)?),
+    read: |files: &mut Files, options: &ReadOptions| {
+        Ok::<_, Unread>(read(&files.main, options, &files.work)?)
+    },
     write: Some(encode::write),
 };
 
 /// Reads a scene.
-pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, Mismatch> {
-    let contents = container::unpack(bytes)?;
+pub(super) fn read(bytes: &[u8], options: &ReadOptions, work: &Work) -> Result<Loaded, Mismatch> {
+    let contents = container::unpack(bytes, &work.part(0.0, 0.7))?;
+    work.at(0.7)?;
     let mut warnings = Vec::new();
     let mut scene = decode::decode(&contents, &mut warnings);
+    work.at(0.9)?;
     let found = extension::read(&contents.extensions, &mut warnings);
     let (axes, because) = match (options.axes, found.coordinate_system) {
         (Some(axes), _) => (axes, "they were asked for"),
@@ -59,7 +63,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, Mismat
 
 /// Reads a scene without turning its axes, for files that have one inside.
 pub(super) fn in_its_own_axes(bytes: &[u8], warnings: &mut Vec<String>) -> Result<Scene, Mismatch> {
-    Ok(decode::decode(&container::unpack(bytes)?, warnings))
+    Ok(decode::decode(&container::unpack(bytes, &Work::default())?, warnings))
 }
 
 #[cfg(test)]

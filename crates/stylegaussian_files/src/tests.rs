@@ -16,6 +16,7 @@ use super::*;
 
 mod options;
 mod up;
+mod wanted;
 
 /// A stream of numbers in -1..1, the same in every run (xorshift).
 fn noise() -> impl FnMut() -> f32 {

@@ -83,8 +83,8 @@ impl MaskFailures<'_, '_> {
     }
 }
 
-/// A saved mask that is being brought into the order of a scene. It takes a fifth of a second for a million
-/// Gaussians.
+/// A saved mask that is being brought into the order of a scene, which takes longer than a frame if that is
+/// large.
 pub(super) struct Fitting {
     scene: Arc<Scene>,
     saved: Arc<StoredMask>,
@@ -95,7 +95,7 @@ impl Fitting {
     fn start(scene: &Arc<Scene>, saved: &Arc<StoredMask>, workers: &Workers) -> Self {
         let (scene, saved) = (Arc::clone(scene), Arc::clone(saved));
         let of = (Arc::clone(&scene), Arc::clone(&saved));
-        let mask = workers.start(Lane::Scenes, move |_| Ok(of.1.mask_for(&of.0)));
+        let mask = workers.start(Lane::Scenes, move |work| of.1.mask_for_if_wanted(&of.0, work));
         Self { mask, scene, saved }
     }
 

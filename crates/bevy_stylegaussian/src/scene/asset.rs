@@ -10,6 +10,7 @@ use stylegaussian::{
     Decoder, Neighbors, Scene,
     scene::SceneError,
     views::{self, Framing},
+    work::{Canceled, Work},
 };
 
 /// A captured scene. It loads from every format that [`stylegaussian_files`] reads. The content of the file
@@ -50,15 +51,26 @@ impl GaussianScene {
     /// If the scene has features but no neighbor lists of the length that its decoder needs (8 for the default
     /// one), the neighbors are found here. This takes about a second for half a million Gaussians, so use a
     /// task for large scenes.
-    pub fn new(mut scene: Scene) -> Self {
+    pub fn new(scene: Scene) -> Self {
+        let asset = Self::new_if_wanted(scene, &Work::default());
+        asset.expect("nobody else has the work, so nobody cancels it")
+    }
+
+    /// As [`new`](Self::new).
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub(crate) fn new_if_wanted(mut scene: Scene, work: &Work) -> Result<Self, Canceled> {
+        work.check()?;
         // At least 1: a decoder that a program made may have k = 0.
         let k = scene.decoder.as_ref().map_or(Decoder::K, |decoder| decoder.k).max(1);
         let has_lists = scene.neighbors.as_ref().is_some_and(|neighbors| neighbors.k >= k);
         // Scenes that cannot be decoded need no neighbors. Longer lists serve as well: a decoder reads the
         // first k.
         if scene.features.is_some() && !has_lists && has_finite_means(&scene) {
-            scene.neighbors = Some(Neighbors::find(&scene.means, &scene.order, k));
+            scene.neighbors = Some(Neighbors::find_if_wanted(&scene.means, &scene.order, k, work)?);
         }
+        work.at(0.8)?;
         // An invalid scene becomes an asset all the same: `new` cannot fail, and the error is reported per
         // entity.
         let bounds = scene.validate().map(|()| scene.splat_bounds());
@@ -67,9 +79,10 @@ impl GaussianScene {
         let decoder = scene.decoder.clone().map(Arc::new);
         let is_valid = bounds.is_ok();
         let usual = if is_valid { scene.bulk(OUTSIDE) } else { None };
+        work.at(0.9)?;
         let framing = if is_valid { views::framing(&scene) } else { None };
         let (is_on_gpu, is_refused) = (Arc::default(), Arc::default());
-        Self { scene: Arc::new(scene), decoder, bounds, usual, framing, is_on_gpu, is_refused }
+        Ok(Self { scene: Arc::new(scene), decoder, bounds, usual, framing, is_on_gpu, is_refused })
     }
 
     /// The scene.

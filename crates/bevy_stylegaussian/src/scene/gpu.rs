@@ -6,6 +6,7 @@ use bevy::{
     prelude::*,
     render::{renderer::RenderDevice, sync_world::MainEntityHashSet},
 };
+use stylegaussian::work::{Canceled, Work};
 use stylegaussian_gpu::splat::GpuScene;
 
 use crate::{
@@ -78,12 +79,18 @@ pub(crate) fn upload_scenes(
             let (device, scene) = (device.wgpu_device().clone(), Arc::clone(shown.scene()));
             // Buffers are mapped when they are created, so packing and upload need no queue and both run in the
             // task.
-            let upload = move || GpuScene::new(&device, &scene).map_err(|error| error.to_string());
+            let upload = move |work: &Work| -> Result<Result<GpuScene, String>, Canceled> {
+                let uploaded = GpuScene::new_if_wanted(&device, &scene, work)?;
+                Ok(uploaded.map_err(|error| error.to_string()))
+            };
             UploadedScene {
                 asset: shown.asset.clone(),
                 gpu: match synchronous.0 {
-                    true => Background::Ready(upload()),
-                    false => Background::Building(workers.start(Lane::Scenes, move |_| Ok(upload()))),
+                    true => match upload(&Work::default()) {
+                        Ok(uploaded) => Background::Ready(uploaded),
+                        Err(Canceled) => Background::Ready(Err(Canceled.to_string())),
+                    },
+                    false => Background::Building(workers.start(Lane::Scenes, upload)),
                 },
                 reported: MainEntityHashSet::default(),
             }

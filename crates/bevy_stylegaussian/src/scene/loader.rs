@@ -5,10 +5,10 @@ use bevy::{
     prelude::*,
 };
 use serde::{Deserialize, Serialize};
-use stylegaussian::Axes;
+use stylegaussian::{Axes, work::Work};
 use stylegaussian_files::{Loaded, ReadOptions, Reading, SceneReader};
 
-use super::asset::GaussianScene;
+use super::{asset::GaussianScene, progress::SceneReadings};
 use crate::{
     loader::{LoadError, read_all},
     work::{Lane, Workers, for_one, taken},
@@ -39,11 +39,15 @@ pub struct SceneSettings {
 
 /// Loads scenes.
 #[derive(TypePath)]
-pub(super) struct SceneLoader(Workers);
+pub(super) struct SceneLoader {
+    workers: Workers,
+    readings: SceneReadings,
+}
 
 impl FromWorld for SceneLoader {
     fn from_world(world: &mut World) -> Self {
-        Self(world.resource::<Workers>().clone())
+        let readings = world.resource::<SceneReadings>().clone();
+        Self { workers: world.resource::<Workers>().clone(), readings }
     }
 }
 
@@ -70,7 +74,15 @@ impl AssetLoader for SceneLoader {
         let mut scene = SceneReader::new(bytes, &name(&path), options);
         loop {
             let name = name(&path);
-            let reading = self.0.start(Lane::Scenes, move |_| for_one(step(scene, &name)));
+            let (readings, of) = (self.readings.clone(), path.clone());
+            // If the last handle is dropped, Bevy drops this future, and that cancels the reading. Not in a
+            // browser, where one reading is one task.
+            let reading = self.workers.start(Lane::Scenes, move |work| {
+                let _reading = readings.add(of, work);
+                let step = step(scene, &name, work);
+                work.check()?;
+                for_one(step)
+            });
             match taken(reading).await?? {
                 Step::Done(scene) => return Ok(*scene),
                 Step::Needs(reader, names) => {
@@ -96,9 +108,13 @@ impl AssetLoader for SceneLoader {
     }
 }
 
+/// Share of a load that reading the files is said to take. The rest is for what is found in the scene.
+const READING: f32 = 0.8;
+
 /// Reads the scene as far as its files allow.
-fn step(mut reader: SceneReader, name: &str) -> Result<Step, LoadError> {
-    match reader.read().map_err(|error| LoadError::Parse(error.into()))? {
+fn step(mut reader: SceneReader, name: &str, work: &Work) -> Result<Step, LoadError> {
+    let reading = reader.read_if_wanted(&work.part(0.0, READING));
+    match reading.map_err(|error| LoadError::Parse(error.into()))? {
         Reading::Needs(names) => Ok(Step::Needs(reader, names)),
         Reading::Scene(loaded) => {
             // Finding neighbors takes as much memory again as a large file: free the files first.
@@ -107,7 +123,8 @@ fn step(mut reader: SceneReader, name: &str) -> Result<Step, LoadError> {
             for warning in warnings {
                 warn!("{name}: {warning}");
             }
-            Ok(Step::Done(Box::new(GaussianScene::new(scene))))
+            let scene = GaussianScene::new_if_wanted(scene, &work.part(READING, 1.0))?;
+            Ok(Step::Done(Box::new(scene)))
         }
     }
 }

@@ -28,12 +28,14 @@ mod frames;
 mod gpu;
 mod loader;
 mod per_scene;
+mod progress;
 
 pub use asset::GaussianScene;
 pub use component::{GaussianSplats, WorldPart};
 pub use failure::{GaussianSceneError, GaussianSceneFailed};
 pub use fit::FitScene;
 pub use loader::SceneSettings;
+pub use progress::{SceneProgress, SceneReadings};
 /// The limits that a GPU must have: [`NEEDS`](gpu_needs::NEEDS). On a GPU without them, the app goes on and no
 /// splats are drawn: each of their entities gets a [`GaussianSceneFailed`], and the log has one error.
 pub use stylegaussian_gpu::needs as gpu_needs;
@@ -55,12 +57,14 @@ impl Plugin for ScenePlugin {
     fn build(&self, app: &mut App) {
         let reports = Reports::<SceneRefused>::default();
         app.init_asset::<GaussianScene>()
+            .init_resource::<progress::SceneReadings>()
             .init_asset_loader::<SceneLoader>()
             .insert_resource(reports.clone())
             .add_message::<GaussianSceneFailed>()
             .register_type::<GaussianScene>()
             .register_type::<GaussianSplats>()
             .register_type::<FitScene>()
+            .register_type::<SceneProgress>()
             .register_type::<GaussianSceneFailed>()
             // `WindowPlugin` adds it too, but not every app has one.
             .add_message::<RequestRedraw>()
@@ -87,6 +91,10 @@ impl Plugin for ScenePlugin {
             .add_systems(
                 PostUpdate,
                 fit::fit_scenes.after(StyleGaussianSystems::Scenes).before(TransformSystems::Propagate),
+            )
+            .add_systems(
+                PostUpdate,
+                (progress::report_progress, progress::forget_progress).after(StyleGaussianSystems::Scenes),
             )
             .add_systems(PostUpdate, frames::ask_for_frames.after(StyleGaussianSystems::Scenes));
         if let Some(render_app) = app.get_sub_app_mut(RenderApp) {

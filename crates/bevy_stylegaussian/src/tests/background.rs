@@ -20,7 +20,7 @@ use stylegaussian_files::{read_scene, write_scene};
 
 use crate::{
     AppliedStyle, GaussianScene, GaussianSplats, StyleGaussianPlugin, StyleSource,
-    scene::{GpuScenes, LoadedScene},
+    scene::{GpuScenes, LoadedScene, SceneReadings},
     style::{StyleLook, StyleProgress, decoder::StyleBackend},
     work::{Lane, Workers},
 };
@@ -156,6 +156,27 @@ fn a_bake_that_is_not_wanted_any_more_stops() {
     assert!(stopped < STOPS, "{stopped:?}");
     app.update();
     assert!(app.world().get::<StyleProgress>(entity).is_none());
+}
+
+#[test]
+fn a_scene_whose_handle_is_dropped_is_read_no_further() {
+    let dir = tempfile::tempdir().unwrap();
+    // Its neighbors alone take longer to find than the test waits.
+    let large = Scene { neighbors: None, ..small_scene(400_000, 1) };
+    write_scene(&dir.path().join("large.sgs"), &large).unwrap();
+    drop(large);
+    let mut app =
+        app_with_assets(AssetPlugin { file_path: dir.path().to_string_lossy().into(), ..default() });
+    let handle: Handle<GaussianScene> = app.world().resource::<AssetServer>().load("large.sgs");
+    update_until(&mut app, "a part of it", |world| {
+        world.resource::<SceneReadings>().progress(&handle).is_some_and(|share| share > 0.0)
+    });
+    drop(handle);
+    (0..3).for_each(|_| app.update());
+    let stopped = until_free(&app, Lane::Scenes);
+    eprintln!("stopped after {stopped:.1?}");
+    assert!(stopped < STOPS, "{stopped:?}");
+    assert_eq!(app.world().resource::<Assets<GaussianScene>>().len(), 0);
 }
 
 /// A scene is replaced while it is prepared to be painted, and the next one is a long time on its way.

@@ -264,7 +264,8 @@ impl Sources<'_, '_> {
                 let (place, scene, look) = (place.clone(), Arc::clone(scene.scene()), Arc::clone(&look.0));
                 let of_chunk = self.of_chunk(of_chunk, &look, &scene);
                 let (common, textures) = (Arc::clone(&of_chunk), Textures::clone(&self.textures));
-                let running = self.workers.start(Lane::Styles, move |_| {
+                let running = self.workers.start(Lane::Styles, move |work| {
+                    work.check()?;
                     Ok(common.part(&look, &scene, &place, &textures).map(Arc::new))
                 });
                 Ok(Some(Stage::Cutting { running, of_chunk }))

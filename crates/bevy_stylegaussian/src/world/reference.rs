@@ -62,8 +62,9 @@ pub(super) fn make_references(
         match &tree.reference {
             None => {
                 let Some(parts) = tree.parts(&runs) else { continue };
-                let gathering = workers
-                    .start(Lane::Scenes, move |work| Ok(GaussianScene::new(gathered(&parts, MOST, work)?)));
+                let gathering = workers.start(Lane::Scenes, move |work| {
+                    GaussianScene::new_if_wanted(gathered(&parts, MOST, work)?, work)
+                });
                 tree.reference = Some(Reference::Gathering(gathering));
                 redraw.write(RequestRedraw);
             }

@@ -7,7 +7,7 @@ use bevy::{
     asset::LoadState, ecs::system::SystemParam, prelude::*, render::renderer::RenderAdapterInfo,
     window::RequestRedraw,
 };
-use stylegaussian::work::Canceled;
+use stylegaussian::work::{Canceled, Work};
 use stylegaussian_files::{
     Mismatch,
     world::{Run as Place, World as Levels},
@@ -249,8 +249,10 @@ impl Means<'_, '_> {
             };
             left.committed = committed;
             let (levels, place, n) = (Arc::clone(levels), place.clone(), tree.chunk_sizes[place.file]);
-            let cutting = self.workers.start(Lane::Scenes, move |_| {
-                Ok(part_of(&scene, &levels, &place, n).map_err(|mismatch| mismatch.to_string()))
+            let cutting = self.workers.start(Lane::Scenes, move |work| {
+                let part = part_of(&scene, &levels, &place, n, work);
+                work.check()?;
+                Ok(part.map_err(|mismatch| mismatch.to_string()))
             });
             return Ok(Some(Stage::Cutting(cutting)));
         }
@@ -354,6 +356,7 @@ fn part_of(
     levels: &Levels,
     place: &Place,
     n_wanted: usize,
+    work: &Work,
 ) -> Result<GaussianScene, Mismatch> {
     let scene = chunk.scene();
     if scene.n_source < n_wanted {
@@ -368,7 +371,7 @@ fn part_of(
     let mut part = scene.subset(&indices);
     part.order.iter_mut().for_each(|row| *row -= place.range.start as u32);
     part.n_source = place.range.len();
-    Ok(GaussianScene::new(part))
+    Ok(GaussianScene::new_if_wanted(part, work)?)
 }
 
 #[cfg(test)]
@@ -399,7 +402,7 @@ mod tests {
         let levels = levels([0..4, 4..10]);
         let part = |i: usize| {
             let place = levels.nodes[i].levels[0].clone().unwrap();
-            part_of(&chunk, &levels, &place, 10).unwrap()
+            part_of(&chunk, &levels, &place, 10, &Work::default()).unwrap()
         };
         assert_eq!(part(0).scene().means, scene.means[..2]);
         assert_eq!((&part(1).scene().means[..], part(1).scene().n_source), (&scene.means[4..], 6));
@@ -412,7 +415,7 @@ mod tests {
         let chunk = GaussianScene::new(small_scene(9, 1));
         let levels = levels([0..4, 4..10]);
         let place = levels.nodes[0].levels[0].clone().unwrap();
-        let error = part_of(&chunk, &levels, &place, 10).unwrap_err().to_string();
+        let error = part_of(&chunk, &levels, &place, 10, &Work::default()).unwrap_err().to_string();
         assert!(error.contains("9 Gaussians") && error.contains("10"), "{error}");
     }
 }

@@ -60,7 +60,7 @@ impl Apart {
                 self.surfaces.insert(number, Ground { scene, surface, last: None });
             }
             CANVAS => {
-                self.canvases.insert(number, Canvas::new(&paint(reader)?));
+                self.canvases.insert(number, Canvas::new_if_wanted(&paint(reader)?, work)?);
             }
             LAY => return self.lay(number, reader, work),
             PIN => return self.pin(number, reader),

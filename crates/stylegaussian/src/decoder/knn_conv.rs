@@ -12,6 +12,7 @@
 use rayon::prelude::*;
 
 use super::product::{Matrix, product};
+use crate::work::Work;
 
 /// Rows gathered at a time. 512 rows of 256 f32 are 512 KiB, a quarter of a server core's L2 cache and half of
 /// a desktop's. The weights are packed anew for each block, which costs 1/512 of the product's operations.
@@ -84,6 +85,17 @@ pub fn knn_conv(
     bias: &[f32],
     finish: impl Fn(&mut [f32]) + Sync,
 ) -> Vec<f32> {
+    knn_conv_if_wanted(shape, [x, weight, bias], neighbors, finish, &Work::default())
+}
+
+/// As [`knn_conv`] of x, weight and bias. If `work` is canceled, blocks of y are left out.
+pub(super) fn knn_conv_if_wanted(
+    shape: KnnConvShape,
+    [x, weight, bias]: [&[f32]; 3],
+    neighbors: &[u32],
+    finish: impl Fn(&mut [f32]) + Sync,
+    work: &Work,
+) -> Vec<f32> {
     shape.check(x, neighbors, weight);
     assert_eq!(bias.len(), shape.d_out, "bias [D_out]");
     let weight = transpose(weight, shape.d_out);
@@ -91,6 +103,9 @@ pub fn knn_conv(
     y.par_chunks_mut(BLOCK_ROWS * shape.d_out).zip(neighbors.par_chunks(BLOCK_ROWS * shape.k)).for_each_init(
         Vec::new,
         |gathered, (y, neighbors)| {
+            if work.is_canceled() {
+                return;
+            }
             // y begins as the bias, and the product of each group of slots adds to it.
             for row in y.chunks_exact_mut(shape.d_out) {
                 row.copy_from_slice(bias);

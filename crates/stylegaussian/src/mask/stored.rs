@@ -1,7 +1,14 @@
 //! Masks as they are kept: for one scene, in the order of its source.
 
 use super::weights::{CHANNELS, Mask};
-use crate::{look::SceneFingerprint, scene::Scene};
+use crate::{
+    look::SceneFingerprint,
+    scene::Scene,
+    work::{Canceled, Work},
+};
+
+/// Gaussians between two looks at whether a mask is still wanted: 256 KiB of weights.
+const SOME: usize = 1 << 16;
 
 /// A mask of one scene, in the order of its source, because readers order Gaussians differently.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,8 +38,10 @@ impl StoredMask {
     /// If there are not as many weights as Gaussians.
     pub fn new(scene: &Scene, mask: &Mask) -> Self {
         assert_eq!(mask.len(), scene.len(), "one weight per Gaussian");
-        let by_source = mask.subset(&scene.by_source());
-        Self { weights: by_source.weights, names: by_source.names, scene: SceneFingerprint::of(scene) }
+        let by_source = scene.by_source();
+        let scene = SceneFingerprint::in_order(scene, &by_source);
+        let Mask { weights, names, .. } = mask.subset(&by_source);
+        Self { weights, names, scene }
     }
 
     /// The mask in the order of `scene`.
@@ -40,16 +49,37 @@ impl StoredMask {
     /// # Errors
     /// If it belongs to another scene, or has not one weight per Gaussian.
     pub fn mask_for(&self, scene: &Scene) -> Result<Mask, MaskError> {
-        let expected = SceneFingerprint::of(scene);
+        let mask = self.mask_for_if_wanted(scene, &Work::default());
+        mask.expect("nobody else has the work, so nobody cancels it")
+    }
+
+    /// As [`mask_for`](Self::mask_for).
+    ///
+    /// # Errors
+    /// If `work` is canceled; inside, as those of [`mask_for`](Self::mask_for).
+    pub fn mask_for_if_wanted(
+        &self,
+        scene: &Scene,
+        work: &Work,
+    ) -> Result<Result<Mask, MaskError>, Canceled> {
+        work.check()?;
+        let by_source = scene.by_source();
+        work.at(0.5)?;
+        let expected = SceneFingerprint::in_order(scene, &by_source);
         let found = SceneFingerprint { n_gaussians: self.len(), ..self.scene };
         if self.scene != expected || found != expected {
-            return Err(MaskError { found, expected });
+            return Ok(Err(MaskError { found, expected }));
         }
+        work.at(0.7)?;
         let mut mask = Mask { names: self.names.clone(), ..Mask::new(scene.len()) };
-        for (weights, i) in self.weights.iter().zip(scene.by_source()) {
-            mask.weights[i as usize] = *weights;
+        let given = self.weights.chunks(SOME).zip(by_source.chunks(SOME));
+        for (weights, indices) in given {
+            work.check()?;
+            for (weights, i) in weights.iter().zip(indices) {
+                mask.weights[*i as usize] = *weights;
+            }
         }
-        Ok(mask)
+        Ok(Ok(mask))
     }
 
     /// N, the number of Gaussians.

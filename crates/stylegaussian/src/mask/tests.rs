@@ -8,6 +8,7 @@ use crate::{
     layers::{Region, Shape},
     random::Random,
     scene::Scene,
+    work::{Canceled, Work},
 };
 
 fn random_means(n: usize, random: &mut Random) -> Vec<Vec3> {
@@ -360,6 +361,22 @@ fn a_mask_follows_its_scene() {
     assert_eq!(stored.n_painted(), [0, 8, 0, 0]);
     let error = stored.mask_for(&scene.subset(&[0, 1])).unwrap_err();
     assert_eq!((error.found.n_gaussians, error.expected.n_gaussians), (9, 2));
+    // Canceled before it begins, and at each share.
+    for stop in [-1.0, 0.4, 0.6] {
+        let own = std::sync::Arc::new(std::sync::OnceLock::<Work>::new());
+        let known = own.clone();
+        let telling = Work::telling(move |share| {
+            if share > stop {
+                known.get().unwrap().cancel();
+            }
+        });
+        let work = own.get_or_init(|| telling);
+        if stop < 0.0 {
+            work.cancel();
+        }
+        assert_eq!(stored.mask_for_if_wanted(&moved, work).err(), Some(Canceled), "{stop}");
+        assert!(work.done() < 0.8);
+    }
     let lie = StoredMask { weights: Vec::new(), ..stored };
     assert_eq!(lie.mask_for(&scene).unwrap_err().found.n_gaussians, 0);
 }

@@ -15,7 +15,10 @@ use super::{
     tints::Tints,
     used::Used,
 };
-use crate::strokes::StrokeTexture;
+use crate::{
+    strokes::StrokeTexture,
+    work::{Canceled, Work},
+};
 
 /// Scales at which a painting may be read, the largest first: sides of a picture of 512 x 512 pixels of area,
 /// in its own. Below half, whole small motifs fit on a stroke's spot.
@@ -63,14 +66,32 @@ pub struct Canvas {
 impl Canvas {
     /// Prepares a painting. Takes some 0.1 s on two cores.
     pub fn new(paint: &Paint) -> Self {
-        Self::read_at(paint, None)
+        Self::new_if_wanted(paint, &Work::default()).expect("nobody else has the work, so nobody cancels it")
+    }
+
+    /// As [`new`](Self::new).
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn new_if_wanted(paint: &Paint, work: &Work) -> Result<Self, Canceled> {
+        Self::read_at(paint, None, work)
     }
 
     /// Another picture in this painting's stead, read at the same size, so that places in one are places in the
     /// other: the next frame of a film. Takes as long as [`new`](Self::new).
     pub fn reread(&self, paint: &Paint) -> Self {
+        let work = Work::default();
+        self.reread_if_wanted(paint, &work).expect("nobody else has the work, so nobody cancels it")
+    }
+
+    /// As [`reread`](Self::reread).
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn reread_if_wanted(&self, paint: &Paint, work: &Work) -> Result<Self, Canceled> {
         let [width, height] = self.reading_size().map(|side| side as usize);
-        Self { first: Arc::clone(&self.first), ..Self::read_at(paint, Some((width, height))) }
+        let read = Self::read_at(paint, Some((width, height)), work)?;
+        Ok(Self { first: Arc::clone(&self.first), ..read })
     }
 
     /// Width and height at which it is read, in pixels.
@@ -95,24 +116,32 @@ impl Canvas {
     }
 
     /// Prepares a painting that is read at a size, or else at its own scale.
-    fn read_at(paint: &Paint, size: Option<(usize, usize)>) -> Self {
+    fn read_at(paint: &Paint, size: Option<(usize, usize)>, work: &Work) -> Result<Self, Canceled> {
+        work.check()?;
         let mut original = paint.picture();
         let used = Used::new(&paint.used, paint.width);
         if let Some(used) = &used {
             original = used.filled(&original);
         }
-        let (width, height) = size.unwrap_or_else(|| own_size(&original, used.as_ref()));
+        let (width, height) = match size {
+            Some(size) => size,
+            None => own_size(&original, used.as_ref(), work)?,
+        };
+        work.at(0.1)?;
         let copies = Copies::new(original.resized(width, height));
+        work.at(0.3)?;
         let used = used.map(|used| used.resized(width, height)).filter(|used| used.pixels.contains(&true));
         let picture = copies.picture();
-        let detail = Detail::new(&copies, &original, used.as_ref());
+        let detail = Detail::new(&copies, &original, used.as_ref(), &work.part(0.3, 0.8))?;
         // A pixel for each place, blurred by a place's side.
         let tensors = (0..PLACE.ilog2()).fold(copies.copy(1).structure(), |tensors, _| tensors.halved());
         let strokes: Vec<(Vec2, f32)> = tensors.blurred(1.0).values.into_iter().map(stroke).collect();
         let n_places = (width.div_ceil(PLACE), height.div_ceil(PLACE));
+        work.at(0.85)?;
         let places = [false, true].map(|aligned| places(&copies, n_places, &strokes, aligned));
+        work.at(0.9)?;
         let whole = used.as_ref().map(|used| used.of(&picture.values).collect::<Vec<_>>());
-        Self {
+        Ok(Self {
             size: picture.size(),
             tints: Tints::new(whole.as_ref().unwrap_or(&picture.values), &detail.low),
             colors: (0..n_places.0 * n_places.1)
@@ -124,7 +153,7 @@ impl Canvas {
             places,
             first: Arc::clone(&detail.texture),
             detail,
-        }
+        })
     }
 
     /// The colors of the painting, to lay another one's strokes on in.
@@ -168,7 +197,10 @@ fn center_of(place: usize, n_places: (usize, usize)) -> Vec2 {
 
 /// The size at which a painting is read, in pixels: the largest of [`SCALES`] at which enough of it is fine.
 /// Only `used` pixels count.
-fn own_size(original: &Picture, used: Option<&Used>) -> (usize, usize) {
+///
+/// # Errors
+/// If `work` is canceled.
+fn own_size(original: &Picture, used: Option<&Used>, work: &Work) -> Result<(usize, usize), Canceled> {
     // Whatever its size, strokes have the size that they have in a painting of 512 x 512 pixels.
     let usual = (MAX_PIXELS as f32 / original.values.len().max(1) as f32).sqrt();
     let variance = |picture: &Picture, used: Option<&Used>| {
@@ -187,9 +219,16 @@ fn own_size(original: &Picture, used: Option<&Used>) -> (usize, usize) {
         let sigma = 0.5 * FINE / (scale * usual);
         all - variance(&half.blurred(sigma.max(0.1)), half_used.as_ref()) >= FINE_SHARE * all
     };
-    let scale = SCALES.into_iter().find(|scale| is_enough(*scale)).unwrap_or(SCALES[SCALES.len() - 1]);
+    let mut scale = SCALES[SCALES.len() - 1];
+    for larger in SCALES {
+        work.check()?;
+        if is_enough(larger) {
+            scale = larger;
+            break;
+        }
+    }
     let side = |side: usize| ((side as f32 * usual * scale).round() as usize).max(1);
-    (side(original.width), side(original.height))
+    Ok((side(original.width), side(original.height)))
 }
 
 /// Descriptors of all places, upright or along their strokes.

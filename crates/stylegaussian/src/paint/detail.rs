@@ -13,6 +13,7 @@ use super::{
 use crate::{
     palette::LUMINANCE,
     strokes::{FINE_SIDE, StrokeTexture, WIDE_SIDE},
+    work::{Canceled, Work},
 };
 
 /// Factor of the finest band, which overlapping Gaussians blur most. Above this, canvas weave and JPEG grain
@@ -57,7 +58,16 @@ pub(super) struct Detail {
 
 impl Detail {
     /// Detail of a painting's `copies`. `original` is the same painting at any size. Only `used` pixels count.
-    pub fn new(copies: &Copies, original: &Picture, used: Option<&Used>) -> Self {
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn new(
+        copies: &Copies,
+        original: &Picture,
+        used: Option<&Used>,
+        work: &Work,
+    ) -> Result<Self, Canceled> {
+        work.check()?;
         let picture = copies.picture();
         let (w, h) = (picture.width, picture.height);
         let at = |i: usize| Vec2::new((i % w) as f32 + 0.5, (i / w) as f32 + 0.5);
@@ -69,6 +79,7 @@ impl Detail {
                 [FINEST * (first - second) + second - third, third - last]
             })
             .collect();
+        work.at(0.3)?;
         let square = |[fine, wide]: &[Vec3; 2]| Vec3::splat((*fine + *wide).dot(LUMINANCE).powi(2));
         let squares = Picture { width: w, height: h, values: parts.par_iter().map(square).collect() };
         let around = squares.halved().halved().blurred(AROUND / 4.0);
@@ -87,7 +98,9 @@ impl Detail {
             .collect();
         let low = counted.par_iter().map(|&i| i as usize);
         let low = low.map(|i| picture.values[i] - (parts[i][0] + parts[i][1]) * whiten(at(i))).collect();
-        let texture = Arc::new(texture(copies, original, whiten));
+        work.at(0.5)?;
+        let texture = Arc::new(texture(copies, original, whiten, work)?);
+        work.at(0.9)?;
         let bands: [Vec<f32>; 4] = {
             let half = picture.halved();
             let (size, luminance) = ([half.width, half.height], half.luminance());
@@ -102,7 +115,7 @@ impl Detail {
             let n = bands[0].len().max(1) as f64;
             bands.iter().map(|band| super::bands::dot(band, band)).sum::<f64>() / n
         };
-        Self { texture, low, energies: [energy(&bands[..2]), energy(&bands[2..])], around, typical }
+        Ok(Self { texture, low, energies: [energy(&bands[..2]), energy(&bands[2..])], around, typical })
     }
 
     /// Luminance energy around a position in pixels.
@@ -113,12 +126,27 @@ impl Detail {
 
 /// The textures. Fine detail comes from the original, which has more of it than the scale at which the painting
 /// is read.
-fn texture(copies: &Copies, original: &Picture, whiten: impl Fn(Vec2) -> f32 + Sync) -> StrokeTexture {
+///
+/// # Errors
+/// If `work` is canceled.
+fn texture(
+    copies: &Copies,
+    original: &Picture,
+    whiten: impl Fn(Vec2) -> f32 + Sync,
+    work: &Work,
+) -> Result<StrokeTexture, Canceled> {
     let size = copies.picture().size();
     let mean = original.values.iter().sum::<Vec3>() / original.values.len().max(1) as f32;
-    let texels = |side: usize, value: &(dyn Fn(Vec2) -> Vec3 + Sync)| -> Vec<Vec3> {
+    let texels = |side: usize, value: &(dyn Fn(Vec2) -> Vec3 + Sync)| -> Result<Vec<Vec3>, Canceled> {
         let at = |i: usize| Vec2::new((i % side) as f32 + 0.5, (i / side) as f32 + 0.5) / side as f32;
-        (0..side * side).into_par_iter().map(|i| value(at(i))).collect()
+        let mut texels = vec![Vec3::ZERO; side * side];
+        let rows = texels.par_chunks_mut(side).enumerate();
+        rows.try_for_each(|(y, row)| {
+            work.check()?;
+            row.iter_mut().enumerate().for_each(|(x, texel)| *texel = value(at(y * side + x)));
+            Ok::<(), Canceled>(())
+        })?;
+        Ok(texels)
     };
     let fine = |at: Vec2| {
         let sharp = original.sample(at * original.size());
@@ -131,5 +159,7 @@ fn texture(copies: &Copies, original: &Picture, whiten: impl Fn(Vec2) -> f32 + S
         let large = copies.sample(5, at);
         (copies.sample(3, at) - large) * whiten(at) + LOCAL * (large - mean)
     };
-    StrokeTexture::new(texels(FINE_SIDE, &fine), texels(WIDE_SIDE, &wide))
+    let (fine, wide) = (texels(FINE_SIDE, &fine)?, texels(WIDE_SIDE, &wide)?);
+    work.check()?;
+    Ok(StrokeTexture::new(fine, wide))
 }

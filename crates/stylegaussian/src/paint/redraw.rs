@@ -13,7 +13,7 @@ use super::{
     painting::Paint,
     picture::{self, Copies, N_COPIES},
 };
-use crate::strokes::StrokeTexture;
+use crate::{strokes::StrokeTexture, work::Work};
 
 /// Factor of the finest band.
 pub const FINEST: f32 = detail::FINEST;
@@ -108,7 +108,8 @@ fn covered(at: u32, step: f32, side: u32) -> impl Iterator<Item = (u32, f32)> + 
 pub fn redrawn(paint: &Paint, [width, height]: [u32; 2]) -> Arc<StrokeTexture> {
     let original = paint.picture();
     let copies = Copies::new(original.resized(width as usize, height as usize));
-    Detail::new(&copies, &original, None).texture
+    let detail = Detail::new(&copies, &original, None, &Work::default());
+    detail.expect("nobody else has the work, so nobody cancels it").texture
 }
 
 #[cfg(test)]

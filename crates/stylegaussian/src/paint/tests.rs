@@ -1,5 +1,7 @@
 //! Paint on small scenes.
 
+use std::sync::{Arc, OnceLock};
+
 use glam::{Quat, UVec2, Vec3};
 
 use super::*;
@@ -10,7 +12,7 @@ use crate::{
     scene::Scene,
     splat::{Colors, RenderedImage, render, render_strokes},
     strokes::{StrokeKnobs, StrokeWord},
-    work::Work,
+    work::{Canceled, Work},
 };
 
 mod hand;
@@ -195,6 +197,30 @@ fn a_painting_is_read_at_its_own_scale() {
     assert_eq!(Canvas::new(&Paint { width: 512, height: 512, pixels, used: None }).size.x, 256.0);
     // A small painting is enlarged: its strokes have the size that they have in a large one.
     assert_eq!(Canvas::new(&stripes(256, 256)).size.x, 512.0);
+}
+
+#[test]
+fn a_painting_that_nobody_waits_for_is_read_no_further() {
+    let paint = stripes(64, 48);
+    let canvas = Canvas::new(&paint);
+    // Stopped at every share.
+    for stop in [0.0, 0.1, 0.4, 0.5, 0.7, 0.8, 0.87] {
+        let work = Arc::new(OnceLock::<Work>::new());
+        let canceling = Arc::clone(&work);
+        let telling = Work::telling(move |share| {
+            if share > stop
+                && let Some(work) = canceling.get()
+            {
+                work.cancel();
+            }
+        });
+        let work = work.get_or_init(|| telling);
+        assert_eq!(Canvas::new_if_wanted(&paint, work).err(), Some(Canceled), "{stop}");
+        assert!(work.done() < 1.0, "it went on to {}", work.done());
+        assert_eq!(canvas.reread_if_wanted(&paint, work).err(), Some(Canceled), "{stop}");
+    }
+    let wanted = Canvas::new_if_wanted(&paint, &Work::default()).unwrap();
+    assert_eq!(*wanted.texture(), *canvas.texture());
 }
 
 #[test]

@@ -258,6 +258,18 @@ fn an_interruption_changes_no_bit() {
 }
 
 #[test]
+fn a_step_that_nobody_waits_for_moves_no_color() {
+    let scene = wall(12);
+    let mut baker = baker(&scene, &[(painting(64, dabs), 1.0)]);
+    let (colors, work) = (baker.colors().to_vec(), Work::default());
+    work.cancel();
+    assert_eq!(baker.step_if_wanted(&scene, &work).err(), Some(Canceled));
+    assert!(baker.colors() == colors && baker.steps() == 0);
+    baker.step(&scene);
+    assert!(baker.colors() != colors && baker.steps() == 1);
+}
+
+#[test]
 fn the_last_colors_are_averaged() {
     let scene = wall(12);
     let mut baker = baker(&scene, &[(painting(64, dabs), 1.0)]);

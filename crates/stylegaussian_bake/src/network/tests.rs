@@ -1,6 +1,6 @@
 //! The networks against finite differences, and against the encoder.
 
-use stylegaussian::random::Random;
+use stylegaussian::{random::Random, work::Work};
 use stylegaussian_defaults::{ENCODER, ENCODER_NAME};
 use stylegaussian_encoder::{Encoder, Image, chain::Chain};
 
@@ -77,7 +77,7 @@ fn the_default_network_ends_with_the_encoder() {
     let mut random = Random::new(4);
     let rgb: Vec<f32> = (0..width * height * 3).map(|_| random.uniform()).collect();
     let sizes = network.sizes(Size { width, height });
-    let features = network.forward(&sizes, &rgb);
+    let features = network.forward(&sizes, &rgb, &Work::default()).unwrap();
     // The layers of the filters follow the encoder's.
     let layer = network.layers().iter().rfind(|layer| layer.matching > 0.0).unwrap();
     let encoder = Encoder::from_bytes(ENCODER_NAME, ENCODER.to_vec()).unwrap();

@@ -9,7 +9,10 @@ use std::borrow::Cow;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use stylegaussian::decoder::product::{Matrix, product};
+use stylegaussian::{
+    decoder::product::{Matrix, product},
+    work::Work,
+};
 
 use super::size::Size;
 
@@ -50,8 +53,16 @@ struct Correlation {
 
 impl Correlation {
     /// y `[h * w, D_out]` for a y of `size`, from x, which is larger by `side - 1`. Lines of y begin as copies
-    /// of `bias` `[D_out]`, and `finish` is applied to each finished one.
-    fn apply(&self, x: &[f32], size: Size, bias: &[f32], finish: impl Fn(&mut [f32]) + Sync) -> Vec<f32> {
+    /// of `bias` `[D_out]`, and `finish` is applied to each finished one. If `work` is canceled, lines are left
+    /// out.
+    fn apply(
+        &self,
+        x: &[f32],
+        size: Size,
+        bias: &[f32],
+        finish: impl Fn(&mut [f32]) + Sync,
+        work: &Work,
+    ) -> Vec<f32> {
         let Self { side, d_in, d_out, .. } = *self;
         // Neighbors whose results are one row of the product: their windows are one window, somewhat wider.
         let widest = (COLUMNS / d_out).max(1);
@@ -60,6 +71,9 @@ impl Correlation {
         let x_line = (size.width + side - 1) * d_in;
         let mut y = vec![0.0; size.n_pixels() * d_out];
         y.par_chunks_mut((size.width * d_out).max(1)).enumerate().for_each(|(row, y)| {
+            if work.is_canceled() {
+                return;
+            }
             y.chunks_exact_mut(d_out).for_each(|pixel| pixel.copy_from_slice(bias));
             for (line, weight) in weight.chunks_exact(inner * joined * d_out).enumerate() {
                 let x = &x[(row + line) * x_line..][..x_line];
@@ -269,23 +283,23 @@ impl Convolution {
         Size { width: places(size.width), height: places(size.height) }
     }
 
-    /// The convolution of a picture of `size` `[h * w, D_in]`.
-    pub(super) fn forward(&self, x: &[f32], size: Size) -> Vec<f32> {
+    /// The convolution of a picture of `size` `[h * w, D_in]`. If `work` is canceled, parts of it are missing.
+    pub(super) fn forward(&self, x: &[f32], size: Size, work: &Work) -> Vec<f32> {
         let rectify = |line: &mut [f32]| {
             if self.relu {
                 line.iter_mut().for_each(|value| *value = value.max(0.0));
             }
         };
-        self.forward.apply(&self.blocks(x, size), self.size_after(size), &self.bias, rectify)
+        self.forward.apply(&self.blocks(x, size), self.size_after(size), &self.bias, rectify, work)
     }
 
     /// The gradient with respect to a picture of `size`, from the one with respect to the result before the
-    /// ReLU.
-    pub(super) fn backward(&self, grad_y: &[f32], size: Size) -> Vec<f32> {
+    /// ReLU. If `work` is canceled, parts of it are missing.
+    pub(super) fn backward(&self, grad_y: &[f32], size: Size, work: &Work) -> Vec<f32> {
         let (from, border) = (self.size_after(size), self.forward.side - 1);
         let grad_y = with_zeros(grad_y, self.d_out(), from, border);
         let zeros = vec![0.0; self.backward.d_out];
-        let grad = self.backward.apply(&grad_y, from.plus(border), &zeros, |_| ());
+        let grad = self.backward.apply(&grad_y, from.plus(border), &zeros, |_| (), work);
         self.fold(grad, size)
     }
 
@@ -464,9 +478,10 @@ mod tests {
                 y[of_y] += weight * f64::from(x[of_x]);
                 grad_x[of_x] += weight * f64::from(grad_y[of_y]);
             });
-            for (found, expected) in
-                [(convolution.forward(&x, from), y), (convolution.backward(&grad_y, from), grad_x)]
-            {
+            for (found, expected) in [
+                (convolution.forward(&x, from, &Work::default()), y),
+                (convolution.backward(&grad_y, from, &Work::default()), grad_x),
+            ] {
                 assert_eq!(found.len(), expected.len(), "{shape:?} {padding:?}");
                 for (i, (found, expected)) in found.iter().zip(expected).enumerate() {
                     let off = (f64::from(*found) - expected).abs();

@@ -114,6 +114,37 @@ fn channels_follow_operations() {
 }
 
 #[test]
+fn a_chain_that_nobody_waits_for_goes_no_further() {
+    let (chain, mut random) = (every_operation(), Random::new(2));
+    let size = Size { width: 12, height: 10 };
+    let sizes = chain.sizes(size);
+    let picture = random_values(size.n_pixels() * 3, 1.0, &mut random);
+    let n = chain.operations().len();
+    // Stopped before the first operation, and after each other one but the last.
+    for stop in 0..n {
+        let own = std::sync::Arc::new(std::sync::OnceLock::<Work>::new());
+        let known = std::sync::Arc::clone(&own);
+        let telling = Work::telling(move |share| {
+            if share * n as f32 > stop as f32 - 0.5 {
+                known.get().unwrap().cancel();
+            }
+        });
+        let work = own.get_or_init(|| telling);
+        if stop == 0 {
+            work.cancel();
+        }
+        assert_eq!(chain.output_if_wanted(&sizes, picture.clone(), work), Err(Canceled), "{stop}");
+        assert!((work.done() * n as f32 - stop.max(1) as f32).abs() < 0.5, "{stop}: {}", work.done());
+    }
+    // Within an operation, no line is computed any more.
+    let (canceled, convolution) = (Work::default(), box_sum(Padding::Zeros(1)));
+    canceled.cancel();
+    let nine = Size { width: 3, height: 3 };
+    assert_eq!(convolution.forward(&[1.0; 9], nine, &canceled), [0.0; 9]);
+    assert_ne!(convolution.forward(&[1.0; 9], nine, &Work::default()), [0.0; 9]);
+}
+
+#[test]
 fn gradients_match_finite_differences() {
     let (chain, mut random) = (every_operation(), Random::new(3));
     let size = Size { width: 7, height: 5 };

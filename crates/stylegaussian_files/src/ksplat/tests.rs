@@ -94,7 +94,7 @@ fn a_file_that_lies_is_refused() {
     let check = |at: usize, value: &[u8], part: &str| {
         let mut bytes = file(1);
         bytes[at..at + value.len()].copy_from_slice(value);
-        let error = read(&bytes).map(|_| ()).expect_err(part);
+        let error = read(&bytes, &Work::default()).map(|_| ()).expect_err(part);
         let message = format!("found {}, expected {}", error.found, error.expected);
         assert!(message.contains(part), "{message}");
     };
@@ -117,7 +117,7 @@ fn a_file_that_lies_is_refused() {
     let mut endless = file(1);
     endless[HEADER + 8..HEADER + 12].copy_from_slice(&u32::MAX.to_le_bytes());
     endless[HEADER + 32..HEADER + 36].copy_from_slice(&u32::MAX.to_le_bytes());
-    assert_eq!(read(&endless).unwrap().scene.means[2].x, 14.0);
+    assert_eq!(read(&endless, &Work::default()).unwrap().scene.means[2].x, 14.0);
 }
 
 /// The same four Gaussians as .splat.

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use stylegaussian::{
     scene::Sh,
     sh::{self, n_coefficients},
+    work::Work,
 };
 
 use super::columns::Rows;
@@ -120,6 +121,7 @@ pub(super) fn spherical_harmonics(
     color: &Color,
     first: usize,
     warnings: &mut Vec<String>,
+    work: &Work,
 ) -> Option<Sh> {
     let (degree, brightest) = match *color {
         Color::None => return None,
@@ -130,6 +132,7 @@ pub(super) fn spherical_harmonics(
     let mut coefficients = vec![0.0; rows.n_rows() * width];
     enlarge(&mut coefficients);
     coefficients.par_chunks_exact_mut(width).enumerate().for_each(|(i, row)| match brightest {
+        _ if work.is_canceled() => {}
         Some(brightest) => {
             let rgb: [f32; 3] = rows.array(i, first);
             row.copy_from_slice(&sh::dc_from_color(rgb.map(|value| value / brightest)));

@@ -7,6 +7,7 @@ use std::{
 
 use half::f16;
 use ply_rs::ply::{ElementDef, Encoding, PropertyType, ScalarType};
+use stylegaussian::{slices::SLICE, work::Work};
 
 use super::{
     header::{Header, size_of_scalar},
@@ -177,6 +178,7 @@ pub(super) fn read_columns<'a>(
     file: Cow<'a, [u8]>,
     wanted: &str,
     names: &[String],
+    work: &Work,
 ) -> Result<Rows<'a>, Mismatch> {
     if let Some((start, stride, fields)) = fixed_fields(header, wanted, names)? {
         let n_rows = header.element(wanted).map_or(0, |element| element.count);
@@ -200,12 +202,14 @@ pub(super) fn read_columns<'a>(
             let text = std::str::from_utf8(payload).map_err(|error| {
                 mismatch(format_args!("bytes that are no text ({error})"), "ascii numbers")
             })?;
-            walk(header, Ascii { words: text.split_ascii_whitespace() }, wanted, names, &fields)
+            walk(header, Ascii { words: text.split_ascii_whitespace() }, wanted, names, &fields, work)
         }
         Encoding::BinaryLittleEndian => {
-            walk(header, Binary::<false> { bytes: payload }, wanted, names, &fields)
+            walk(header, Binary::<false> { bytes: payload }, wanted, names, &fields, work)
         }
-        Encoding::BinaryBigEndian => walk(header, Binary::<true> { bytes: payload }, wanted, names, &fields),
+        Encoding::BinaryBigEndian => {
+            walk(header, Binary::<true> { bytes: payload }, wanted, names, &fields, work)
+        }
     }?;
     Ok(Rows {
         n_rows: bytes.len().checked_div(stride).unwrap_or(0),
@@ -271,11 +275,12 @@ fn walk(
     wanted: &str,
     names: &[String],
     fields: &[(usize, ScalarType)],
+    work: &Work,
 ) -> Result<Vec<u8>, Mismatch> {
     for element in header.elements() {
         // Without names every property is skipped.
         let names = if element.name == wanted { names } else { &[] };
-        let values = element_values(element, &mut source, names, fields)?;
+        let values = element_values(element, &mut source, names, fields, work)?;
         if element.name == wanted {
             return Ok(values);
         }
@@ -285,8 +290,9 @@ fn walk(
 
 /// Checks that the file ends with the last row. More than white space after it means that rows are not what the
 /// header says, and that all of them but the first would be read at the wrong place.
-pub(super) fn check_end(header: &Header, file: &[u8]) -> Result<(), Mismatch> {
-    let n_bytes = bytes_after(header, &file[header.payload..]).unwrap_or(0);
+pub(super) fn check_end(header: &Header, file: &[u8], work: &Work) -> Result<(), Mismatch> {
+    // Rows that are walked once more are no progress.
+    let n_bytes = bytes_after(header, &file[header.payload..], &work.part(0.0, 0.0)).unwrap_or(0);
     if n_bytes == 0 {
         return Ok(());
     }
@@ -306,25 +312,25 @@ pub(super) fn check_end(header: &Header, file: &[u8]) -> Result<(), Mismatch> {
 
 /// The number of bytes after the last row, 0 if they are white space. `None` if rows are broken, which is an
 /// error of its own where they matter.
-fn bytes_after(header: &Header, payload: &[u8]) -> Option<usize> {
-    fn binary<const BIG_ENDIAN: bool>(header: &Header, bytes: &[u8]) -> Option<usize> {
+fn bytes_after(header: &Header, payload: &[u8], work: &Work) -> Option<usize> {
+    fn binary<const BIG_ENDIAN: bool>(header: &Header, bytes: &[u8], work: &Work) -> Option<usize> {
         let mut source = Binary::<BIG_ENDIAN> { bytes };
         for element in header.elements() {
             match header.fixed_row(element) {
                 Some(size) => source.skip(&ScalarType::UChar, size.checked_mul(element.count)?).ok()?,
-                None => element_values(element, &mut source, &[], &[]).map(drop).ok()?,
+                None => element_values(element, &mut source, &[], &[], work).map(drop).ok()?,
             }
         }
         Some(if source.bytes.trim_ascii().is_empty() { 0 } else { source.bytes.len() })
     }
     match header.encoding() {
-        Encoding::BinaryLittleEndian => binary::<false>(header, payload),
-        Encoding::BinaryBigEndian => binary::<true>(header, payload),
+        Encoding::BinaryLittleEndian => binary::<false>(header, payload, work),
+        Encoding::BinaryBigEndian => binary::<true>(header, payload, work),
         Encoding::Ascii => {
             let text = std::str::from_utf8(payload).ok()?;
             let mut source = Ascii { words: text.split_ascii_whitespace() };
             for element in header.elements() {
-                element_values(element, &mut source, &[], &[]).ok()?;
+                element_values(element, &mut source, &[], &[], work).ok()?;
             }
             let word = source.words.next()?;
             // Both are parts of one text.
@@ -339,6 +345,7 @@ fn element_values(
     source: &mut impl Source,
     names: &[String],
     fields: &[(usize, ScalarType)],
+    work: &Work,
 ) -> Result<Vec<u8>, Mismatch> {
     expect_properties(element, names)?;
     // Type and target field of each property, in the file's order.
@@ -353,6 +360,9 @@ fn element_values(
     // Rows without properties take no bytes, so a small file can declare 10^18 of them.
     let n_rows = if plan.is_empty() { 0 } else { element.count };
     for i in 0..n_rows {
+        if i.is_multiple_of(SLICE) {
+            work.at(i as f32 / n_rows as f32)?;
+        }
         read_row(&plan, source, &mut row).map_err(|Mismatch { found, expected }| {
             mismatch(format_args!("{found} in row {i} of {n_rows} of element `{}`", element.name), expected)
         })?;

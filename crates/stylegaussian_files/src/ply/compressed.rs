@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use stylegaussian::{
     scene::Sh,
     sh::{self, n_coefficients},
+    work::Work,
 };
 
 use super::{
@@ -58,8 +59,8 @@ pub(super) fn is_compressed(header: &Header) -> bool {
 }
 
 /// Reads the scene. The packed values are quantized: positions to 11, 10 and 11 bits of their chunk's box.
-pub(super) fn read(header: &Header, file: &[u8]) -> Result<Loaded, Mismatch> {
-    let chunks = chunks(header, file)?;
+pub(super) fn read(header: &Header, file: &[u8], work: &Work) -> Result<Loaded, Mismatch> {
+    let chunks = chunks(header, file, &work.part(0.0, 0.1))?;
     let words = packed_words(header, file)?;
     let n = words.len();
     if chunks.len() != n.div_ceil(CHUNK) {
@@ -68,7 +69,7 @@ pub(super) fn read(header: &Header, file: &[u8]) -> Result<Loaded, Mismatch> {
             format_args!("{}, one for every {CHUNK}", n.div_ceil(CHUNK)),
         ));
     }
-    check_end(header, file)?;
+    check_end(header, file, work)?;
     let between = |i: usize, at: usize, t: Vec3| {
         let range = &chunks[i / CHUNK];
         let (min, max) = (Vec3::from_slice(&range[at..]), Vec3::from_slice(&range[at + 3..]));
@@ -77,14 +78,18 @@ pub(super) fn read(header: &Header, file: &[u8]) -> Result<Loaded, Mismatch> {
     let indices = || (0..n).into_par_iter();
     let word = |i: usize, place: usize| u32::from_le_bytes(words[i][place]);
     let dc = |i: usize| sh::dc_from_color(between(i, 12, unpack_8888(word(i, 3)).truncate()).to_array());
+    work.at(0.1)?;
+    let sh = spherical_harmonics(header, file, n, dc, &work.part(0.1, 0.6))?;
+    work.at(0.6)?;
     let stored = StoredGaussians {
-        sh: Some(spherical_harmonics(header, file, n, dc)?),
+        sh: Some(sh),
         means: indices().map(|i| between(i, 0, unpack_11_10_11(word(i, 0)))).collect(),
         log_scales: indices().map(|i| between(i, 6, unpack_11_10_11(word(i, 2)))).collect(),
         rotations_wxyz: indices().map(|i| unpack_quaternion(word(i, 1))).collect(),
         opacity_logits: indices().map(|i| logit_of_byte(unpack_8888(word(i, 3)).w)).collect(),
         features: None,
     };
+    work.at(0.8)?;
     let mut warnings = Vec::new();
     let scene = activate(stored, &mut warnings);
     Ok(Loaded::new(scene, warnings))
@@ -105,13 +110,13 @@ fn mix(min: f32, max: f32, t: f32) -> f32 {
 }
 
 /// Ranges of every chunk: positions, log scales, colors.
-fn chunks(header: &Header, file: &[u8]) -> Result<Vec<[f32; 18]>, Mismatch> {
+fn chunks(header: &Header, file: &[u8], work: &Work) -> Result<Vec<[f32; 18]>, Mismatch> {
     let chunk =
         header.element("chunk").ok_or_else(|| mismatch("no element `chunk`", "one before `vertex`"))?;
     let has_colors = chunk.properties.contains_key(COLOR_RANGES[0]);
     let names = RANGES.iter().chain(COLOR_RANGES.iter().filter(|_| has_colors));
     let names: Vec<String> = names.map(|&name| name.into()).collect();
-    let rows = read_columns(header, file.into(), "chunk", &names)?;
+    let rows = read_columns(header, file.into(), "chunk", &names, work)?;
     let range = |i: usize| {
         let mut range = [0.0; 18];
         range[15..].fill(1.0);
@@ -157,6 +162,7 @@ fn spherical_harmonics(
     file: &[u8],
     n: usize,
     dc: impl Fn(usize) -> [f32; 3] + Send + Sync,
+    work: &Work,
 ) -> Result<Sh, Mismatch> {
     // gsplat writes one without properties for degree 0.
     let Some(element) = header.element("sh").filter(|element| !element.properties.is_empty()) else {
@@ -168,7 +174,7 @@ fn spherical_harmonics(
     let degree = degree
         .ok_or_else(|| mismatch(format_args!("{n_found} properties of element `sh`"), "0, 9, 24 or 45"))?;
     let names: Vec<String> = rest_names(n_found / 3, n_found / 3).collect();
-    let rows = read_columns(header, file.into(), "sh", &names)?;
+    let rows = read_columns(header, file.into(), "sh", &names, work)?;
     if rows.n_rows() != n {
         let found = format_args!("{} rows of element `sh`", rows.n_rows());
         return Err(mismatch(found, format_args!("{n}, one for each Gaussian")));
@@ -177,6 +183,9 @@ fn spherical_harmonics(
     let mut coefficients = vec![0.0; n * width];
     enlarge(&mut coefficients);
     coefficients.par_chunks_exact_mut(width).enumerate().for_each(|(i, row)| {
+        if work.is_canceled() {
+            return;
+        }
         let (base, rest) = row.split_at_mut(3);
         base.copy_from_slice(&dc(i));
         rows.read(i, 0, rest);
@@ -272,7 +281,7 @@ mod tests {
 
     #[test]
     fn unpacks_hand_packed_gaussians() {
-        let loaded = super::super::read(file(2, false)).unwrap();
+        let loaded = super::super::read(file(2, false), &Work::default()).unwrap();
         let scene = loaded.scene;
         assert!(scene.means[0].abs_diff_eq(Vec3::new(3.0, -1.0, -1.0 + 4.0 * 1024.0 / 2047.0), 1e-6));
         assert_eq!(scene.means[1], Vec3::NEG_ONE);
@@ -287,7 +296,7 @@ mod tests {
 
     #[test]
     fn higher_harmonics_are_channel_major() {
-        let scene = super::super::read(file(2, true)).unwrap().scene;
+        let scene = super::super::read(file(2, true), &Work::default()).unwrap().scene;
         let sh = scene.sh.unwrap();
         assert_eq!((sh.degree, sh.coefficients.len()), (1, 24));
         let rest = |byte: f32| (byte + 0.5) / 32.0 - 4.0;
@@ -307,7 +316,7 @@ mod tests {
             let mut bytes = file(2, false);
             bytes[at..at + 4].copy_from_slice(&min.to_le_bytes());
             bytes[at + 12..at + 16].copy_from_slice(&max.to_le_bytes());
-            let loaded = super::super::read(bytes).unwrap();
+            let loaded = super::super::read(bytes, &Work::default()).unwrap();
             assert_eq!((loaded.scene.len(), loaded.warnings.len()), (2, 0));
             let thickness = [0, 1].map(|i: usize| loaded.scene.scales[i].z);
             assert!(thickness.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{thickness:?}");
@@ -323,7 +332,7 @@ mod tests {
         for n in [0, 2, 7] {
             let header = header.replace("end_header", &format!("element sh {n}\nend_header"));
             let bytes = [header.as_bytes(), &plain[plain.len() - 104..]].concat();
-            let scene = super::super::read(bytes).unwrap().scene;
+            let scene = super::super::read(bytes, &Work::default()).unwrap().scene;
             assert_eq!((scene.len(), scene.sh.unwrap().degree), (2, 0));
         }
     }
@@ -331,7 +340,7 @@ mod tests {
     #[test]
     fn a_file_that_lies_is_refused() {
         let whole = file(2, false);
-        let message = |bytes: &[u8]| super::super::read(bytes.into()).unwrap_err().found;
+        let message = |bytes: &[u8]| super::super::read(bytes.into(), &Work::default()).unwrap_err().found;
         assert!(message(&whole[..whole.len() - 1]).contains("bytes after the header"));
         // The payload is 18 floats of ranges and two rows of four words: 104 bytes.
         let text = String::from_utf8_lossy(&whole[..whole.len() - 104]).into_owned();

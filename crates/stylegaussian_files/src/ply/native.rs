@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use stylegaussian::{
     scene::Scene,
     sh::{self, n_coefficients},
+    work::Work,
 };
 
 use super::{
@@ -38,7 +39,7 @@ const FILTER: &str = "filter_3D";
 const EXPECTED: &str = "3DGS properties x y z, opacity, scale_0..2, rot_0..3 of element `vertex`";
 
 /// Reads a scene.
-pub(super) fn read(header: &Header, bytes: Vec<u8>) -> Result<Loaded, Mismatch> {
+pub(super) fn read(header: &Header, bytes: Vec<u8>, work: &Work) -> Result<Loaded, Mismatch> {
     let vertex = header.element("vertex").ok_or_else(|| mismatch("no element `vertex`", EXPECTED))?;
     if u32::try_from(vertex.count).is_err() {
         return Err(mismatch(format_args!("{} Gaussians", vertex.count), "fewer than 2^32"));
@@ -63,14 +64,18 @@ pub(super) fn read(header: &Header, bytes: Vec<u8>) -> Result<Loaded, Mismatch> 
     }
     warnings.extend(left_out_motion(vertex));
     names.extend(color.names());
-    check_end(header, &bytes)?;
-    let mut rows = read_columns(header, bytes.into(), "vertex", &names)?;
+    check_end(header, &bytes, work)?;
+    let mut rows = read_columns(header, bytes.into(), "vertex", &names, &work.part(0.0, 0.3))?;
+    work.at(0.3)?;
     decode_halves(header, vertex, &names, &mut color, &mut rows, &mut warnings)?;
     let (offset, means) = distant::means(&rows, header, n_scales).unzip();
     // Most of the file is spherical harmonics, and its memory is free after them.
-    let sh = spherical_harmonics(&rows, &color, first_color, &mut warnings);
+    let sh = spherical_harmonics(&rows, &color, first_color, &mut warnings, work);
+    work.at(0.6)?;
     rows.keep(first_color);
+    work.at(0.7)?;
     let mut stored = stored_gaussians(&rows, n_scales);
+    work.at(0.8)?;
     stored.sh = sh;
     if let Some(means) = means {
         stored.means = means;
@@ -78,6 +83,7 @@ pub(super) fn read(header: &Header, bytes: Vec<u8>) -> Result<Loaded, Mismatch> 
     warnings.extend(activated_hints(&stored));
     let filter = filter.map(|column| widths(&rows, column, &mut stored));
     drop(rows);
+    work.at(0.9)?;
     let mut scene = Scene { offset: offset.unwrap_or(DVec3::ZERO), ..activate(stored, &mut warnings) };
     filter.iter().for_each(|widths| widen(&mut scene, widths));
     Ok(Loaded::new(scene, warnings))

@@ -3,13 +3,18 @@
 use std::{f32::consts::LN_2, fmt::Write as _, time::Instant};
 
 use glam::{Quat, Vec3};
-use stylegaussian::{scene::ScreenFilter, sh::n_coefficients};
+use stylegaussian::{scene::ScreenFilter, sh::n_coefficients, work::Work};
 
 use super::*;
 use crate::{read_scene, tests::shared_data};
 
 mod dialects;
 mod packed;
+
+/// Reads a scene that somebody waits for.
+fn read(bytes: Vec<u8>) -> Result<Loaded, Mismatch> {
+    super::read(bytes, &Work::default())
+}
 
 #[derive(Clone, Copy, PartialEq)]
 enum Format {

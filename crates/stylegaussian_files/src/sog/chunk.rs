@@ -4,7 +4,7 @@ use std::{f32::consts::FRAC_1_SQRT_2, ops::Range};
 
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
-use stylegaussian::{scene::Scene, sh};
+use stylegaussian::{scene::Scene, sh, work::Work};
 
 use crate::error::{Mismatch, mismatch};
 
@@ -97,10 +97,14 @@ impl<'a> Chunk<'a> {
     }
 
     /// Decodes the planes side by side.
-    pub fn decode(self) -> Result<Gaussians, Mismatch> {
-        let planes: Result<Vec<Plane>, Mismatch> =
-            self.planes.into_par_iter().map(StoredPlane::decode).collect();
+    pub fn decode(self, work: &Work) -> Result<Gaussians, Mismatch> {
+        let decode = |plane: StoredPlane| {
+            work.check()?;
+            plane.decode()
+        };
+        let planes: Result<Vec<Plane>, Mismatch> = self.planes.into_par_iter().map(decode).collect();
         let planes = planes?;
+        work.check()?;
         let powers = powers(&self.meta);
         let palette = palette(&self.meta, &planes, self.degree);
         let components = components();

@@ -62,7 +62,7 @@ fn round_trips_within_the_steps_of_its_bytes() {
     let mut bytes = Vec::new();
     write(&mut bytes, &scene).unwrap();
     assert_eq!(bytes.len(), 32 * scene.len());
-    let read = read(&bytes).unwrap().scene;
+    let read = read(&bytes, &Work::default()).unwrap().scene;
     for (j, i) in scene.by_source().into_iter().enumerate() {
         let i = i as usize;
         assert_eq!((read.means[j], read.scales[j]), (scene.means[i], scene.scales[i]));
@@ -86,7 +86,7 @@ fn round_trips_within_the_steps_of_its_bytes() {
     write(&mut again, &read).unwrap();
     assert_eq!(again.len(), bytes.len());
     assert!(super::clamped(&read).is_empty());
-    assert_eq!(super::read(&again).unwrap().scene.means, read.means);
+    assert_eq!(super::read(&again, &Work::default()).unwrap().scene.means, read.means);
 }
 
 /// The same three Gaussians of a capture as .ply.

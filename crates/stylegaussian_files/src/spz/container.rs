@@ -8,9 +8,13 @@ use std::io::{self, Read};
 use flate2::{Crc, bufread::GzDecoder};
 use rayon::prelude::*;
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
+use stylegaussian::work::{Canceled, Work};
 
 use super::header::{HAS_EXTENSIONS, Header, N_BYTES};
 use crate::error::{Mismatch, bytes_in_words, mismatch};
+
+/// Bytes that are decompressed at a time.
+const PIECE: u64 = 1 << 20;
 
 /// The first two bytes of a gzip file.
 pub(super) const GZIP: [u8; 2] = [0x1f, 0x8b];
@@ -31,10 +35,10 @@ pub(super) struct Contents {
 }
 
 /// Decompresses a file of any version.
-pub(super) fn unpack(bytes: &[u8]) -> Result<Contents, Mismatch> {
+pub(super) fn unpack(bytes: &[u8], work: &Work) -> Result<Contents, Mismatch> {
     if bytes.starts_with(&GZIP) {
         let mut decoder = GzDecoder::new(PLAIN_GZIP_HEADER.chain(after_gzip_header(bytes)?));
-        let contents = unpack_sequence(&mut decoder)?;
+        let contents = unpack_sequence(&mut decoder, work)?;
         // The end of the data was read, and the checksum with it. The rest follows the gzip member.
         return match decoder.get_ref().get_ref().1.len() {
             0 => Ok(contents),
@@ -46,8 +50,8 @@ pub(super) fn unpack(bytes: &[u8]) -> Result<Contents, Mismatch> {
     }
     match bytes.get(..N_BYTES) {
         // The official reader refuses older versions without gzip, others read them.
-        Some([b'N', b'G', b'S', b'P', 0..=3, 0, 0, 0, ..]) | None => unpack_sequence(&mut &bytes[..]),
-        Some(_) => unpack_frames(bytes),
+        Some([b'N', b'G', b'S', b'P', 0..=3, 0, 0, 0, ..]) | None => unpack_sequence(&mut &bytes[..], work),
+        Some(_) => unpack_frames(bytes, work),
     }
 }
 
@@ -88,16 +92,18 @@ fn after_gzip_header(bytes: &[u8]) -> Result<&[u8], Mismatch> {
 }
 
 /// Reads versions 1 to 3: header, arrays and extensions one after another.
-fn unpack_sequence(source: &mut dyn Read) -> Result<Contents, Mismatch> {
-    let first = take(source, N_BYTES as u64, "SPZ header")?;
+fn unpack_sequence(source: &mut dyn Read, work: &Work) -> Result<Contents, Mismatch> {
+    let first = take(source, N_BYTES as u64, "SPZ header", |_| Ok(()))?;
     // `take` returned that many.
     let header = Header::parse(&std::array::from_fn(|i| first[i]))?;
     if header.version > 3 {
         return Err(mismatch(format_args!("SPZ version {} in gzip", header.version), "1 to 3 in gzip"));
     }
     let mut arrays = [const { Vec::new() }; 6];
+    let (mut n_read, total) = (0, header.array_bytes().iter().sum::<u64>().max(1));
     for ((array, n_bytes), name) in arrays.iter_mut().zip(header.array_bytes()).zip(NAMES) {
-        *array = take(source, n_bytes, name)?;
+        *array = take(source, n_bytes, name, |n| work.at((n_read + n) as f32 / total as f32))?;
+        n_read += n_bytes;
     }
     let limit = if header.flags & HAS_EXTENSIONS == 0 { 0 } else { MAX_EXTENSION_BYTES };
     let mut extensions = Vec::new();
@@ -112,16 +118,26 @@ fn unpack_sequence(source: &mut dyn Read) -> Result<Contents, Mismatch> {
 /// The arrays, for messages.
 const NAMES: [&str; 6] = ["positions", "opacities", "colors", "scales", "rotations", "spherical harmonics"];
 
-/// The next `n_bytes` of the data.
-fn take(source: &mut dyn Read, n_bytes: u64, name: &str) -> Result<Vec<u8>, Mismatch> {
+/// The next `n_bytes` of the data. `tell` hears before each piece how many there are.
+fn take(
+    source: &mut dyn Read,
+    n_bytes: u64,
+    name: &str,
+    tell: impl Fn(u64) -> Result<(), Canceled>,
+) -> Result<Vec<u8>, Mismatch> {
     let mut bytes = Vec::new();
-    source.take(n_bytes).read_to_end(&mut bytes).map_err(broken)?;
-    match bytes.len() as u64 {
-        found if found == n_bytes => Ok(bytes),
-        found => Err(mismatch(
-            format_args!("the end of the data in the {name}"),
-            format_args!("{} more", bytes_in_words(n_bytes - found)),
-        )),
+    loop {
+        let left = n_bytes - bytes.len() as u64;
+        if left == 0 {
+            return Ok(bytes);
+        }
+        tell(bytes.len() as u64)?;
+        if Read::take(&mut *source, left.min(PIECE)).read_to_end(&mut bytes).map_err(broken)? == 0 {
+            return Err(mismatch(
+                format_args!("the end of the data in the {name}"),
+                format_args!("{} more", bytes_in_words(left)),
+            ));
+        }
     }
 }
 
@@ -132,7 +148,7 @@ fn broken(error: io::Error) -> Mismatch {
 
 /// Reads version 4: a header of 32 bytes, extensions, a table of the frames' lengths, and a zstd frame for each
 /// array that is not empty.
-fn unpack_frames(bytes: &[u8]) -> Result<Contents, Mismatch> {
+fn unpack_frames(bytes: &[u8], work: &Work) -> Result<Contents, Mismatch> {
     let cut = || mismatch(bytes_in_words(bytes.len() as u64), "an SPZ header and a table of streams");
     let header = Header::parse(bytes.first_chunk().ok_or_else(cut)?)?;
     let at_table =
@@ -169,8 +185,10 @@ fn unpack_frames(bytes: &[u8]) -> Result<Contents, Mismatch> {
             "the end of the file",
         ));
     }
-    let decoded =
-        frames.into_par_iter().map(|(array, frame, plain)| Ok((array, inflate(frame, plain, array)?)));
+    let decoded = frames.into_par_iter().map(|(array, frame, plain)| {
+        work.check()?;
+        Ok((array, inflate(frame, plain, array)?))
+    });
     let mut arrays = [const { Vec::new() }; 6];
     for (array, bytes) in decoded.collect::<Result<Vec<_>, Mismatch>>()? {
         arrays[array] = bytes;

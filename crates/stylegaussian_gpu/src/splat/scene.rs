@@ -12,6 +12,8 @@ use stylegaussian::{
     Scene,
     scene::{ScreenFilter, Sh},
     sh,
+    slices::SLICE,
+    work::{Canceled, Work},
 };
 use stylegaussian_shaders::{layers::MIX_BLOCK, splat::PackedGaussian};
 use wgpu::util::DeviceExt;
@@ -76,27 +78,54 @@ impl GpuScene {
     /// # Errors
     /// If no view could hold the scene's splats on this device.
     pub fn new(device: &wgpu::Device, scene: &Scene) -> Result<Self, TooLarge> {
+        let made = Self::new_if_wanted(device, scene, &Work::default());
+        made.expect("nobody else has the work, so nobody cancels it")
+    }
+
+    /// As [`new`](Self::new).
+    ///
+    /// # Errors
+    /// If `work` is canceled; inside, as those of [`new`](Self::new).
+    pub fn new_if_wanted(
+        device: &wgpu::Device,
+        scene: &Scene,
+        work: &Work,
+    ) -> Result<Result<Self, TooLarge>, Canceled> {
         let n = scene.len();
         let limit = record_limit(device);
         let sh_bytes = 4 * scene.sh.as_ref().map_or(0, |sh| sh_words(sh.degree)) as u64;
         // The records of a view cannot be cut, and a chunk holds one Gaussian at least.
         let found = [record_bytes(n), GAUSSIAN_BYTES, sh_bytes].into_iter().max().unwrap_or(0);
-        TooLarge::check("splats of the scene", found, limit)?;
+        if let Err(error) = TooLarge::check("splats of the scene", found, limit) {
+            return Ok(Err(error));
+        }
         let per_chunk = (limit / GAUSSIAN_BYTES.max(sh_bytes)) as usize;
-        Ok(Self::in_chunks(device, scene, per_chunk))
+        Self::in_chunks_if_wanted(device, scene, per_chunk, work).map(Ok)
     }
 
     /// [`new`](Self::new) with at most `per_chunk` Gaussians in a chunk.
+    #[cfg(test)]
     pub(crate) fn in_chunks(device: &wgpu::Device, scene: &Scene, per_chunk: usize) -> Self {
+        Self::in_chunks_if_wanted(device, scene, per_chunk, &Work::default()).unwrap()
+    }
+
+    fn in_chunks_if_wanted(
+        device: &wgpu::Device,
+        scene: &Scene,
+        per_chunk: usize,
+        work: &Work,
+    ) -> Result<Self, Canceled> {
+        work.check()?;
         let n = scene.len();
         let scale_unit = scale_unit(&scene.scales);
         let chunks = (0..n).step_by(per_chunk.max(1)).map(|first| {
             let range = first..(first + per_chunk).min(n);
-            Chunk::new(device, scene, range, scale_unit)
+            let work = work.part(range.start as f32 / n as f32, range.end as f32 / n as f32);
+            Chunk::new(device, scene, range, scale_unit, &work)
         });
-        let chunks = chunks.collect();
+        let chunks = chunks.collect::<Result<_, _>>()?;
         let sh_degree = scene.sh.as_ref().map(|sh| sh.degree);
-        Self { chunks, n_gaussians: n, sh_degree, scale_unit, filter: scene.filter }
+        Ok(Self { chunks, n_gaussians: n, sh_degree, scale_unit, filter: scene.filter })
     }
 
     /// N, the number of Gaussians.
@@ -131,9 +160,17 @@ impl GpuScene {
 }
 
 impl Chunk {
-    fn new(device: &wgpu::Device, scene: &Scene, range: Range<usize>, scale_unit: f32) -> Self {
-        let gaussians: Vec<_> = range.clone().map(|i| packed_gaussian(scene, i, scale_unit)).collect();
-        let sh = scene.sh.as_ref().map(|sh| packed_sh(sh, range.clone()));
+    fn new(
+        device: &wgpu::Device,
+        scene: &Scene,
+        range: Range<usize>,
+        scale_unit: f32,
+        work: &Work,
+    ) -> Result<Self, Canceled> {
+        let [of_gaussians, of_sh] = [work.part(0.0, 0.3), work.part(0.3, 0.9)];
+        let gaussians = packed_gaussians(scene, range.clone(), scale_unit, &of_gaussians)?;
+        let sh = scene.sh.as_ref().map(|sh| packed_sh(sh, range.clone(), &of_sh)).transpose()?;
+        work.at(0.9)?;
         let buffer = |label, contents: &[u8]| {
             device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some(label),
@@ -141,13 +178,13 @@ impl Chunk {
                 usage: wgpu::BufferUsages::STORAGE,
             })
         };
-        Self {
+        Ok(Self {
             blocks: scene.means[range.clone()].chunks(MIX_BLOCK as usize).map(Ball::around).collect(),
             first: range.start as u32,
             n_gaussians: range.len() as u32,
             gaussians: buffer("splat_gaussians", bytemuck::cast_slice(&gaussians)),
             sh: sh.map(|words| buffer("splat_sh", bytemuck::cast_slice(&words))),
-        }
+        })
     }
 }
 
@@ -156,6 +193,22 @@ impl Chunk {
 fn scale_unit(scales: &[Vec3]) -> f32 {
     let largest = scales.iter().map(|s| s.max_element()).filter(|s| s.is_finite()).fold(0.0, f32::max);
     if largest > 0.0 { (largest.log2().floor() - 14.0).max(-120.0).exp2() } else { 1.0 }
+}
+
+/// The Gaussians in `range`.
+fn packed_gaussians(
+    scene: &Scene,
+    range: Range<usize>,
+    scale_unit: f32,
+    work: &Work,
+) -> Result<Vec<PackedGaussian>, Canceled> {
+    let mut packed = Vec::with_capacity(range.len());
+    for first in range.clone().step_by(SLICE) {
+        work.at((first - range.start) as f32 / range.len() as f32)?;
+        let slice = first..(first + SLICE).min(range.end);
+        packed.extend(slice.map(|i| packed_gaussian(scene, i, scale_unit)));
+    }
+    Ok(packed)
 }
 
 /// Gaussian `i`. A Gaussian that is not finite becomes one of opacity 0, which is never drawn.
@@ -185,11 +238,14 @@ fn sh_words(degree: u8) -> usize {
 }
 
 /// Coefficients of the Gaussians in `range` as planes of words `[word, n]`.
-fn packed_sh(sh: &Sh, range: Range<usize>) -> Vec<u32> {
+fn packed_sh(sh: &Sh, range: Range<usize>, work: &Work) -> Result<Vec<u32>, Canceled> {
     let n_values = 3 * sh::n_coefficients(sh.degree);
     let n = range.len();
     let mut words = vec![0; n * sh_words(sh.degree)];
     for (column, i) in range.enumerate() {
+        if column.is_multiple_of(SLICE) {
+            work.at(column as f32 / n as f32)?;
+        }
         let coefficients = &sh.coefficients[i * n_values..(i + 1) * n_values];
         for (k, &value) in coefficients.iter().enumerate() {
             // A coefficient that f16 cannot hold would turn into infinity and spoil the whole color.
@@ -197,7 +253,7 @@ fn packed_sh(sh: &Sh, range: Range<usize>) -> Vec<u32> {
             words[k / 2 * n + column] |= u32::from(f16::from_f32(value).to_bits()) << (16 * (k % 2));
         }
     }
-    words
+    Ok(words)
 }
 
 #[cfg(test)]
@@ -223,11 +279,38 @@ mod tests {
     #[test]
     fn coefficients_lie_in_planes() {
         let coefficients = (0..24).map(|i| i as f32).collect();
-        let words = packed_sh(&Sh { degree: 1, coefficients }, 0..2);
+        let words = packed_sh(&Sh { degree: 1, coefficients }, 0..2, &Work::default()).unwrap();
         let value = |word: usize, high: u32| f16::from_bits((words[word] >> (16 * high)) as u16).to_f32();
         assert_eq!(words.len(), 12);
         assert_eq!([value(0, 0), value(0, 1), value(2, 0), value(10, 1)], [0.0, 1.0, 2.0, 11.0]);
         assert_eq!([value(1, 0), value(11, 1)], [12.0, 23.0]);
+    }
+
+    #[test]
+    fn a_scene_that_nobody_waits_for_is_packed_no_further() {
+        let n = 3 * SLICE;
+        let scene = Scene {
+            means: vec![Vec3::ONE; n],
+            rotations: vec![Quat::IDENTITY; n],
+            scales: vec![Vec3::ONE; n],
+            opacities: vec![0.5; n],
+            ..Scene::default()
+        };
+        let sh = Sh { degree: 0, coefficients: vec![0.5; 3 * n] };
+        // Canceled at the second of three slices.
+        let stopping = || {
+            let own = std::sync::Arc::new(std::sync::OnceLock::<Work>::new());
+            let known = own.clone();
+            let telling = Work::telling(move |_| known.get().unwrap().cancel());
+            own.get_or_init(|| telling).clone()
+        };
+        let work = stopping();
+        assert_eq!(packed_gaussians(&scene, 0..n, 1.0, &work).err(), Some(Canceled));
+        assert!((work.done() - 1.0 / 3.0).abs() < 1e-3, "{}", work.done());
+        let work = stopping();
+        assert_eq!(packed_sh(&sh, 0..n, &work).err(), Some(Canceled));
+        assert!((work.done() - 1.0 / 3.0).abs() < 1e-3, "{}", work.done());
+        assert_eq!(packed_gaussians(&scene, 5..n, 1.0, &Work::default()).unwrap().len(), n - 5);
     }
 
     #[test]

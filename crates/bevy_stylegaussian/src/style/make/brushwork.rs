@@ -12,7 +12,8 @@ use stylegaussian::{
 
 use super::{
     beside::Beside,
-    request::{Decided, Failure, GivenTints, LaterCanvas, Same, as_parts, made},
+    later::Failure,
+    request::{Decided, LaterCanvas, Same, as_parts, made},
 };
 use crate::style::wish::error::StyleError;
 
@@ -78,9 +79,9 @@ impl Brushwork {
     }
 
     fn painted(&self, spots: &Scene, scale: f32, work: &Work) -> Result<Painted, Failure> {
-        let canvases = made(&self.canvases, work)?;
-        let tints = self.decided.tints.as_ref().map(GivenTints::made).transpose()?;
-        work.at(0.1)?;
+        let canvases = made(&self.canvases, &work.part(0.0, 0.1))?;
+        let at = work.part(0.1, 0.1);
+        let tints = self.decided.tints.as_ref().map(|tints| tints.made(&at)).transpose()?;
         let paintings = as_parts(&canvases);
         let hand = Hand {
             is_collection: self.decided.is_collection,

@@ -7,6 +7,8 @@ pub(crate) use stylegaussian::paint::Canvas as Painting;
 /// A scene that is prepared to be painted.
 pub(crate) use stylegaussian::paint::Surface as Ground;
 use stylegaussian::{Scene, work::Work};
+#[cfg(feature = "images")]
+use stylegaussian::{paint::Paint, work::Canceled};
 
 use crate::work::{Lane, Running, Workers};
 
@@ -25,9 +27,12 @@ pub(crate) fn ground(
 }
 
 /// A painting that strokes follow.
+///
+/// # Errors
+/// If `work` is canceled.
 #[cfg(feature = "images")]
-pub(crate) fn followed(paint: &stylegaussian::paint::Paint) -> Painting {
-    Painting::new(paint)
+pub(crate) fn followed(paint: &Paint, work: &Work) -> Result<Painting, Canceled> {
+    Painting::new_if_wanted(paint, work)
 }
 
 /// Whether scenes are prepared beside frames, and not between them.

@@ -1,14 +1,18 @@
 //! Inputs of the style pass, packed once for each scene and decoder, by the first style that needs them.
 
-use std::sync::Arc;
+use std::{future::poll_fn, pin::pin, sync::Arc, task::Poll};
 
 use async_lock::OnceCell;
 use bevy::prelude::*;
-use stylegaussian::{Decoder, Scene, fold::StylizeError};
+use stylegaussian::{
+    Decoder, Scene,
+    work::{Canceled, Work},
+};
 use stylegaussian_gpu::style::{StyleInputs, StyleOptions};
 
 use crate::{
     scene::{LoadedScene, PerScene},
+    style::make::later::Failure,
     work::pauses,
 };
 
@@ -42,13 +46,15 @@ impl LaterInputs {
     /// for the first one.
     ///
     /// # Errors
-    /// If the decoder does not fit the scene.
-    pub(crate) async fn packed(&self) -> Result<&Arc<StyleInputs>, StylizeError> {
+    /// If the decoder does not fit the scene, or if `work` is canceled.
+    pub(crate) async fn packed(&self, work: &Work) -> Result<&Arc<StyleInputs>, Failure> {
         let pack = || async {
+            let mut pause = pauses();
+            let mut pause = || paused(pause(), work);
             let options = StyleOptions::default();
-            StyleInputs::in_slices(&self.scene, &self.decoder, options, &mut pauses()).await.map(Arc::new)
+            StyleInputs::in_slices(&self.scene, &self.decoder, options, &mut pause).await.map(Arc::new)
         };
-        self.packed.get_or_try_init(pack).await
+        Ok(if_wanted(self.packed.get_or_try_init(pack), work).await??)
     }
 }
 
@@ -64,6 +70,32 @@ pub(crate) fn forget_unused_inputs(mut inputs: ResMut<PackedInputs>, shown: Quer
         of_scene.retain(|inputs| Arc::strong_count(inputs) > 1);
         !of_scene.is_empty()
     });
+}
+
+/// The result of a computation whose pauses are [`paused`].
+///
+/// # Errors
+/// If `work` is canceled.
+async fn if_wanted<T>(computation: impl Future<Output = T>, work: &Work) -> Result<T, Canceled> {
+    let mut computation = pin!(computation);
+    let poll = poll_fn(|context| match work.check() {
+        Ok(()) => computation.as_mut().poll(context).map(Ok),
+        Err(canceled) => Poll::Ready(Err(canceled)),
+    });
+    poll.await
+}
+
+/// A pause that does not end if `work` is canceled, so that [`if_wanted`] is asked again.
+async fn paused(pause: impl Future<Output = ()>, work: &Work) {
+    pause.await;
+    let end = poll_fn(|context| {
+        if work.is_canceled() {
+            context.waker().wake_by_ref();
+            return Poll::Pending;
+        }
+        Poll::Ready(())
+    });
+    end.await;
 }
 
 #[cfg(test)]
@@ -90,7 +122,7 @@ mod tests {
         let start = Barrier::new(2);
         let ask = |inputs: &LaterInputs| {
             start.wait();
-            Arc::clone(block_on(inputs.packed()).unwrap())
+            Arc::clone(block_on(inputs.packed(&Work::default())).unwrap())
         };
         let (a, b) = std::thread::scope(|scope| {
             let b = scope.spawn(|| ask(&inputs[1]));
@@ -99,7 +131,7 @@ mod tests {
         assert!(Arc::ptr_eq(&a, &b));
         // For an equal decoder in another place, they are packed anew.
         let other = get(&mut world, Arc::new(Decoder::clone(&decoder())));
-        assert!(other != inputs[0] && !Arc::ptr_eq(&a, block_on(other.packed()).unwrap()));
+        assert!(other != inputs[0] && !Arc::ptr_eq(&a, block_on(other.packed(&Work::default())).unwrap()));
         drop(other);
         let [kept, dropped] = inputs;
         drop(dropped);
@@ -110,5 +142,27 @@ mod tests {
         drop(kept);
         world.run_system_cached(forget_unused_inputs).unwrap();
         assert!(was_kept.upgrade().is_none() && world.resource::<PackedInputs>().0.is_empty());
+    }
+
+    #[test]
+    fn packing_stops_at_the_pause_after_it_was_canceled() {
+        let (work, mut n_slices) = (Work::default(), 0);
+        let slices = async {
+            for i in 0..10 {
+                n_slices = i;
+                if i == 3 {
+                    work.cancel();
+                }
+                paused(std::future::ready(()), &work).await;
+            }
+        };
+        assert_eq!(block_on(if_wanted(slices, &work)), Err(Canceled));
+        assert_eq!(n_slices, 3);
+        let loaded = LoadedScene { id: AssetId::default(), asset: GaussianScene::new(small_scene(50, 1)) };
+        let decoder = Arc::clone(loaded.asset.decoder().unwrap());
+        let inputs = PackedInputs::default().get(&loaded, decoder);
+        assert!(matches!(block_on(inputs.packed(&work)), Err(Failure::Canceled)));
+        // Whoever comes next does not wait for it.
+        assert!(block_on(inputs.packed(&Work::default())).is_ok());
     }
 }

@@ -7,7 +7,7 @@ use bevy::{
     platform::collections::{HashMap, HashSet},
     prelude::*,
 };
-use stylegaussian::{ChannelStatistics, paint::Paint};
+use stylegaussian::{ChannelStatistics, paint::Paint, work::Work};
 
 use crate::style::{
     make::later::{Crop, Encoded, Later, Stretched, later, name, stretched},
@@ -34,11 +34,11 @@ impl Presets {
     ) -> Later<Stretched> {
         let stretch = || {
             let (name, paint) = (preset_name(handle), Arc::clone(paint));
-            later(move || {
-                let Some(crop) = crop else { return stretched(name, &paint) };
+            later(move |work: &Work| {
+                let Some(crop) = crop else { return stretched(&name, &paint, work) };
                 match paint.cropped(crop.area()) {
-                    Ok(part) => stretched(name, &part),
-                    Err(source) => Err(Arc::new(StyleError::Crop { image: name, source })),
+                    Ok(part) => stretched(&name, &part, work),
+                    Err(source) => Err(StyleError::Crop { image: name.clone(), source }.into()),
                 }
             })
         };
@@ -53,7 +53,7 @@ impl Presets {
     ) -> Later<Encoded> {
         let begin = || {
             let known = Arc::clone(&statistics);
-            (Arc::clone(&statistics), later(move || Ok(known)))
+            (Arc::clone(&statistics), later(move |_: &Work| Ok(Arc::clone(&known))))
         };
         let (of, known) = self.statistics.entry(handle.id()).or_insert_with(begin);
         if !Arc::ptr_eq(of, &statistics) {

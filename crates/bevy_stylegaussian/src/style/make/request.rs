@@ -4,7 +4,7 @@
 #[cfg(target_family = "wasm")]
 mod apart;
 
-use std::{ops::Deref, sync::Arc};
+use std::sync::Arc;
 
 use stylegaussian::{
     Look, Scene,
@@ -23,7 +23,7 @@ use crate::{
     style::{
         make::{
             beside::Beside,
-            later::{Encoded, Later, Stretched},
+            later::{Encoded, Failure, Lazy, Stretched},
             packed::LaterInputs,
             worker::{Ground, Painting},
         },
@@ -95,12 +95,9 @@ pub(crate) enum GivenTints {
 }
 
 impl GivenTints {
-    pub(super) fn made(&self) -> Result<Tints, Failure> {
+    pub(super) fn made(&self, work: &Work) -> Result<Tints, Failure> {
         match self {
-            Self::Canvas(canvas) => match &**canvas.0 {
-                Ok(canvas) => Ok(canvas.tints().clone()),
-                Err(error) => Err(Failure::Failed(Arc::clone(error))),
-            },
+            Self::Canvas(canvas) => Ok(canvas.0.get(work)?.tints().clone()),
             Self::Colors(colors) => {
                 Tints::of_colors(colors).map_err(|error| Failure::Failed(Arc::new(error.into())))
             }
@@ -109,10 +106,16 @@ impl GivenTints {
 }
 
 /// A canvas that the style makes if it is the first one.
-pub(crate) type LaterCanvas = <Later<Stretched> as Deref>::Target;
+pub(crate) type LaterCanvas = Lazy<Stretched>;
 
 /// Statistics that the style computes if it is the first one.
-pub(crate) type LaterStatistics = <Later<Encoded> as Deref>::Target;
+pub(crate) type LaterStatistics = Lazy<Encoded>;
+
+/// Share of painting that reading the paintings is said to take.
+const CANVASES: f32 = 0.1;
+
+/// Share of a style that is decoded on the CPU that encoding its images is said to take.
+const ENCODING: f32 = 0.3;
 
 /// A look of a mix.
 #[derive(Clone, PartialEq)]
@@ -202,7 +205,7 @@ impl StyleRequest {
     pub(crate) fn following(
         &self,
         strokes: Arc<Strokes>,
-        colors: &dyn Fn(usize) -> Option<Later<Stretched>>,
+        colors: &dyn Fn(usize) -> Option<Arc<LaterCanvas>>,
     ) -> Option<Self> {
         let Styles::Painted { canvases, surface, decided } = &self.styles else { return None };
         let present = |(i, (canvas, weight)): (usize, &(Same<LaterCanvas>, f64))| {
@@ -229,7 +232,7 @@ impl StyleRequest {
         }
         match &self.styles {
             Styles::Decoded { styles, inputs } if self.backend == StyleBackend::Gpu => {
-                self.fold(&made(styles, work)?, inputs).await
+                self.fold(&made(styles, work)?, inputs, work).await
             }
             _ => self.restyle(work),
         }
@@ -242,9 +245,10 @@ impl StyleRequest {
         let content = self.content;
         let painted = match &self.styles {
             Styles::Painted { canvases, surface, decided } => {
-                let canvases = made(canvases, work)?;
-                let tints = decided.tints.as_ref().map(GivenTints::made).transpose()?;
-                work.check()?;
+                let canvases = made(canvases, &work.part(0.0, CANVASES))?;
+                let work = &work.part(CANVASES, 1.0);
+                let tints =
+                    decided.tints.as_ref().map(|tints| tints.made(&work.part(0.0, 0.0))).transpose()?;
                 let paintings = as_parts(&canvases);
                 let hand = Hand {
                     is_collection: decided.is_collection,
@@ -269,8 +273,8 @@ impl StyleRequest {
                 recipe.restyle_beside(scene, company, work)
             }
             Styles::Decoded { styles, inputs } => {
-                let styles = made(styles, work)?;
-                work.check()?;
+                let styles = made(styles, &work.part(0.0, ENCODING))?;
+                let work = &work.part(ENCODING, 1.0);
                 let styles = styles.iter().map(|(statistics, weight)| (&**statistics, *weight)).collect();
                 let styles = restyle::Styles::Decoded { styles, decode: &mut &*inputs.decoder };
                 Recipe { looks, styles, content }.restyle(scene, work)
@@ -294,7 +298,7 @@ impl StyleRequest {
     ) -> Result<StyleResult, Failure> {
         let mut strokes = unpinned.clone();
         if let (Styles::Painted { canvases, surface, decided }, true) = (&self.styles, self.only_moves()) {
-            let canvases = made(canvases, work)?;
+            let canvases = made(canvases, &work.part(1.0, 1.0))?;
             let paintings = as_parts(&canvases);
             if let Some(strokes) = strokes.as_mut().filter(|_| !decided.pins.is_empty()) {
                 let hand = Hand { direction: decided.direction(), pins: &decided.pins, ..Hand::default() };
@@ -367,13 +371,14 @@ impl StyleRequest {
         &self,
         styles: &[(Arc<stylegaussian::ChannelStatistics>, f64)],
         inputs: &LaterInputs,
+        work: &Work,
     ) -> Result<StyleResult, Failure> {
         let scene = Arc::clone(&self.scene.0);
         if scene.features.is_none() {
             return Err(StylizeError::NoFeatures.into());
         }
         // Packed here: the render thread only uploads.
-        let (inputs, decoder) = (Arc::clone(inputs.packed().await?), &inputs.decoder);
+        let (inputs, decoder) = (Arc::clone(inputs.packed(work).await?), &inputs.decoder);
         // The content's statistics are part of the inputs, so a further style of a scene does not pass over its
         // N features.
         let styles: Vec<_> = styles.iter().map(|(style, weight)| (&**style, *weight)).collect();
@@ -395,32 +400,15 @@ pub(super) fn as_parts(paintings: &[(Arc<Painting>, f64)]) -> Vec<(&Canvas, f64)
     parts
 }
 
-/// Values that are made later, made now, with their weights. One that was begun is finished, as others may want
-/// it.
-pub(super) fn made<T: Clone>(
-    later: &[(Same<LazyOf<T>>, f64)],
-    work: &Work,
-) -> Result<Vec<(T, f64)>, Failure> {
+/// Values that are made later, made now, with their weights.
+pub(super) fn made<T: Clone>(later: &[(Same<Lazy<T>>, f64)], work: &Work) -> Result<Vec<(T, f64)>, Failure> {
+    let n = later.len().max(1) as f32;
     let mut made = Vec::new();
-    for (later, weight) in later {
-        work.check()?;
-        match &**later.0 {
-            Ok(value) => made.push((value.clone(), *weight)),
-            Err(error) => return Err(Failure::Failed(Arc::clone(error))),
-        }
+    for (i, (later, weight)) in later.iter().enumerate() {
+        made.push((later.0.get(&work.part(i as f32 / n, (i + 1) as f32 / n))?, *weight));
     }
+    work.at(1.0)?;
     Ok(made)
-}
-
-/// The target of a [`Later`] that may fail.
-type LazyOf<T> = <Later<Result<T, Arc<StyleError>>> as Deref>::Target;
-
-/// A computation without a style.
-pub(super) enum Failure {
-    /// Nobody wants it any more.
-    Canceled,
-    /// It cannot be had.
-    Failed(Arc<StyleError>),
 }
 
 impl From<RestyleError> for Failure {
@@ -445,11 +433,5 @@ impl From<RestyleError> for Failure {
 impl From<StylizeError> for Failure {
     fn from(error: StylizeError) -> Self {
         Self::Failed(Arc::new(error.into()))
-    }
-}
-
-impl From<Canceled> for Failure {
-    fn from(_: Canceled) -> Self {
-        Self::Canceled
     }
 }

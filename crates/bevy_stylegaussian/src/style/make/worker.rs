@@ -41,13 +41,20 @@ pub(crate) struct Ground {
 }
 
 impl Painting {
-    pub(crate) fn new(paint: &Paint) -> Self {
+    fn new(paint: &Paint) -> Self {
         Self { paint: paint.clone(), canvas: OnceLock::new(), there: There::new(Call::ForgetCanvas) }
     }
 
-    /// As [`Canvas::reread`].
-    pub(crate) fn reread(&self, paint: &Paint) -> Self {
-        Self { canvas: (**self).reread(paint).into(), ..Self::new(paint) }
+    /// As [`Canvas::new_if_wanted`], but it is prepared when it is used.
+    pub(crate) fn new_if_wanted(paint: &Paint, work: &Work) -> Result<Self, Canceled> {
+        work.check()?;
+        Ok(Self::new(paint))
+    }
+
+    /// As [`Canvas::reread_if_wanted`].
+    #[cfg(feature = "images")]
+    pub(crate) fn reread_if_wanted(&self, paint: &Paint, work: &Work) -> Result<Self, Canceled> {
+        Ok(Self { canvas: (**self).reread_if_wanted(paint, work)?.into(), ..Self::new(paint) })
     }
 
     /// Whether it is used on the page's thread.
@@ -173,9 +180,12 @@ pub(crate) fn ground(
 }
 
 /// A painting that strokes follow, on the page's thread.
+///
+/// # Errors
+/// If `work` is canceled.
 #[cfg(feature = "images")]
-pub(crate) fn followed(paint: &Paint) -> Painting {
-    Painting { canvas: Canvas::new(paint).into(), ..Painting::new(paint) }
+pub(crate) fn followed(paint: &Paint, work: &Work) -> Result<Painting, Canceled> {
+    Ok(Painting { canvas: Canvas::new_if_wanted(paint, work)?.into(), ..Painting::new(paint) })
 }
 
 /// Whether scenes are prepared beside frames, and not between them.

@@ -4,14 +4,14 @@
 use std::sync::{Arc, OnceLock};
 
 use bevy::{platform::collections::HashMap, prelude::*, render::render_resource::TextureFormat};
-use stylegaussian::{paint::Paint, recolor::ColorMoments};
-use stylegaussian_encoder::paint_of;
+use stylegaussian::{paint::Paint, recolor::ColorMoments, work::Work};
+use stylegaussian_encoder::{image::DynamicImage, paint_of_if_wanted};
 
-use super::pixels::{cropped, decoded, over_white, pixels};
+use super::pixels::{decoded, over_white, pixels};
 use crate::style::{
     make::{
         first::{palette_of, palette_of_paint},
-        later::{Crop, Later, Stretched, image_name, later, stretched},
+        later::{Crop, Failure, Later, Stretched, image_name, later, stretched},
         worker::{self, Painting},
     },
     wish::error::StyleError,
@@ -26,21 +26,18 @@ struct ImageCanvas {
     /// Its palette, which is there at once or with the canvas.
     palette: Arc<OnceLock<ColorMoments>>,
     canvas: Later<Stretched>,
-    /// The canvas once it is made.
-    made: Arc<OnceLock<Stretched>>,
 }
 
 impl ImageCanvas {
     /// A canvas that the first style makes that needs it.
     fn new(
         palette: Option<ColorMoments>,
-        make: impl FnOnce(&OnceLock<ColorMoments>) -> Stretched + Send + 'static,
+        make: impl Fn(&OnceLock<ColorMoments>, &Work) -> Result<Stretched, Failure> + Send + 'static,
     ) -> Self {
         let palette = Arc::new(palette.map_or_else(OnceLock::new, OnceLock::from));
-        let made = Arc::new(OnceLock::new());
-        let (of_canvas, known) = (Arc::clone(&palette), Arc::clone(&made));
-        let canvas = later(move || known.get_or_init(|| make(&of_canvas)).clone());
-        Self { palette, canvas, made }
+        let of_canvas = Arc::clone(&palette);
+        let canvas = later(move |work: &Work| make(&of_canvas, work));
+        Self { palette, canvas }
     }
 }
 
@@ -57,9 +54,9 @@ impl ImageCanvases {
             let (name, pixels) = (image_name(handle), pixels(image));
             // That of a part comes with its canvas.
             let at_once = if crop.is_none() { palette_at_once(image) } else { None };
-            ImageCanvas::new(at_once, move |palette| match pixels {
-                Ok(image) => of_image(name, crop, image, is_living, palette),
-                Err(found) => Err(Arc::new(StyleError::Image { image: name, found })),
+            ImageCanvas::new(at_once, move |palette, work| match &pixels {
+                Ok(image) => of_image(&name, crop, image, is_living, palette, work),
+                Err(found) => Err(StyleError::Image { image: name.clone(), found: found.clone() }.into()),
             })
         };
         Arc::clone(&self.0.entry((handle.id(), crop)).or_insert_with(stretch).canvas)
@@ -73,12 +70,12 @@ impl ImageCanvases {
     /// Whether there is a canvas of a whole image that strokes may follow, or one on its way.
     pub(super) fn may_be_followed(&self, id: AssetId<Image>) -> bool {
         let known = self.0.get(&(id, None));
-        known.is_some_and(|known| known.made.get().is_none_or(|_| self.followed(id).is_some()))
+        known.is_some_and(|known| known.canvas.known().is_none_or(|_| self.followed(id).is_some()))
     }
 
     /// The canvas of a whole image, or the reason why there is none, once a style has asked for it.
-    pub(super) fn made(&self, id: AssetId<Image>) -> Option<&Stretched> {
-        self.0.get(&(id, None))?.made.get()
+    pub(super) fn made(&self, id: AssetId<Image>) -> Option<&Result<Stretched, Arc<StyleError>>> {
+        self.0.get(&(id, None))?.canvas.known()
     }
 
     /// The canvas of a whole image, if strokes may follow it: all of it is used, as the GPU reads all of it.
@@ -99,7 +96,8 @@ impl ImageCanvases {
     /// Sets the pixels of an image that are on the GPU alone.
     pub(super) fn insert(&mut self, id: AssetId<Image>, paint: Arc<Paint>) {
         let palette = palette_of_paint(&paint);
-        let canvas = ImageCanvas::new(Some(palette), move |_| Ok(Arc::new(worker::followed(&paint))));
+        let canvas =
+            ImageCanvas::new(Some(palette), move |_, work| Ok(Arc::new(worker::followed(&paint, work)?)));
         self.0.insert((id, None), canvas);
     }
 
@@ -111,20 +109,26 @@ impl ImageCanvases {
 
 /// Prepares an image. Takes a while: not for the main thread. Its palette is set first.
 fn of_image(
-    name: String,
+    name: &str,
     crop: Option<Crop>,
-    image: Image,
+    image: &DynamicImage,
     is_living: bool,
     palette: &OnceLock<ColorMoments>,
-) -> Stretched {
-    let image = cropped(&name, decoded(name.clone(), image)?, crop)?;
-    let paint = if is_living { over_white(image) } else { paint_of(&image) };
+    work: &Work,
+) -> Result<Stretched, Failure> {
+    // Of large images. Of others, the last part takes almost all of the time.
+    let [decoding, shrinking, rest] = [(0.0, 0.2), (0.2, 0.6), (0.6, 1.0)].map(|(a, b)| work.part(a, b));
+    let image = decoded(name, image, crop, &decoding)?;
+    let paint = match is_living {
+        true => over_white(image, &shrinking)?,
+        false => paint_of_if_wanted(&image, &shrinking)?,
+    };
     palette.get_or_init(|| palette_of_paint(&paint));
     // Strokes know what they follow by its canvas.
     if is_living && paint.is_usable() {
-        return Ok(Arc::new(worker::followed(&paint)));
+        return Ok(Arc::new(worker::followed(&paint, &rest)?));
     }
-    stretched(name, &paint)
+    stretched(name, &paint, &rest)
 }
 
 /// The palette of an image whose pixels can be read as they are, which takes less than a millisecond.
@@ -162,7 +166,7 @@ mod tests {
             |format, data| Image::new(size, TextureDimension::D2, data, format, RenderAssetUsages::default());
         let rgba = image(TextureFormat::Rgba8UnormSrgb, data.clone());
         let at_once = palette_at_once(&rgba).unwrap();
-        let decoded = decoded("a".into(), rgba).unwrap();
+        let decoded = decoded("a", &pixels(&rgba).unwrap(), None, &Work::default()).unwrap();
         let later = palette_of(decoded.rgb.as_chunks().0, |pixel| *pixel);
         // The map from one to the other changes nothing.
         let same = Recoloring::new(&at_once, &later).color([0.2, 0.5, 0.7]);

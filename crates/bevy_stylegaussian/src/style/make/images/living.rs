@@ -10,7 +10,7 @@ use bevy::{
     prelude::*,
     render::{render_resource::TextureUsages, renderer::RenderAdapterInfo},
 };
-use stylegaussian::paint::Paint;
+use stylegaussian::{paint::Paint, work::Work};
 
 use super::{
     canvases::ImageCanvases,
@@ -128,9 +128,13 @@ impl LivingImages {
             return;
         }
         let (name, pixels, canvas) = (image_name(handle), pixels(image), Arc::clone(canvas));
-        living.colors = Some(later(move || match pixels {
-            Ok(image) => Ok(Arc::new(canvas.reread(&over_white(decoded(name, image)?)))),
-            Err(found) => Err(Arc::new(StyleError::Image { image: name, found })),
+        living.colors = Some(later(move |work: &Work| match &pixels {
+            Ok(image) => {
+                let image = decoded(&name, image, None, &work.part(0.0, 0.2))?;
+                let paint = over_white(image, &work.part(0.2, 0.6))?;
+                Ok(Arc::new(canvas.reread_if_wanted(&paint, &work.part(0.6, 1.0))?))
+            }
+            Err(found) => Err(StyleError::Image { image: name.clone(), found: found.clone() }.into()),
         }));
     }
 
@@ -263,7 +267,9 @@ pub(super) fn take_reports(
                     Some(Ok(canvas)) if is_new => {
                         let (canvas, paint) = (Arc::clone(canvas), Arc::new(paint));
                         living.paint = Some(Arc::clone(&paint));
-                        living.colors = Some(later(move || Ok(Arc::new(canvas.reread(&paint)))));
+                        living.colors = Some(later(move |work: &Work| {
+                            Ok(Arc::new(canvas.reread_if_wanted(&paint, work)?))
+                        }));
                     }
                     // Nothing was drawn into it yet if it has one color. Who waits asks again.
                     None if !is_of_one_color(&paint) => {

@@ -4,16 +4,20 @@
 use std::sync::Arc;
 
 use bevy::{platform::collections::HashMap, prelude::*};
-use stylegaussian_encoder::{StyleSize, style_statistics};
+use stylegaussian::work::Work;
+use stylegaussian_encoder::{EncoderError, StyleSize, image::DynamicImage, style_statistics_if_wanted};
 
 use super::{
     EncoderChanges,
-    pixels::{cropped, decoded, pixels},
+    pixels::{decoded, pixels},
 };
 use crate::style::{
-    make::later::{Crop, Encoded, Later, image_name, later},
+    make::later::{Crop, Encoded, Failure, Later, image_name, later},
     wish::{encoder::ImageEncoder, error::StyleError},
 };
+
+/// Share of encoding that reading the pixels of an image is said to take, which depends on its size.
+const DECODING: f32 = 0.1;
 
 /// The statistics of each image that was decoded.
 #[derive(Resource, Default)]
@@ -30,9 +34,9 @@ impl ImageStatistics {
     ) -> Later<Encoded> {
         let encode = || {
             let (name, pixels, encoder) = (image_name(handle), pixels(image), encoder.clone());
-            later(move || match pixels {
-                Ok(image) => encode(name, crop, image, &encoder),
-                Err(found) => Err(Arc::new(StyleError::Image { image: name, found })),
+            later(move |work: &Work| match &pixels {
+                Ok(image) => encode(&name, crop, image, &encoder, work),
+                Err(found) => Err(StyleError::Image { image: name.clone(), found: found.clone() }.into()),
             })
         };
         Arc::clone(self.0.entry((handle.id(), crop)).or_insert_with(encode))
@@ -58,10 +62,20 @@ pub(crate) fn forget_changed_statistics(
 }
 
 /// Encodes an image. Takes a while: not for the main thread.
-fn encode(name: String, crop: Option<Crop>, image: Image, encoder: &ImageEncoder) -> Encoded {
-    let image = cropped(&name, decoded(name.clone(), image)?, crop)?;
-    let error = |source| Arc::new(StyleError::Encoder { image: name.clone(), source });
-    let encoder = encoder.get().map_err(error)?;
-    let statistics = style_statistics(encoder, &image, StyleSize::default());
-    Ok(Arc::new(statistics.map_err(|source| error(Arc::new(source)))?))
+fn encode(
+    name: &str,
+    crop: Option<Crop>,
+    image: &DynamicImage,
+    encoder: &ImageEncoder,
+    work: &Work,
+) -> Result<Encoded, Failure> {
+    let image = decoded(name, image, crop, &work.part(0.0, DECODING))?;
+    let failed = |source| StyleError::Encoder { image: name.into(), source };
+    let encoder = encoder.get().map_err(failed)?;
+    let work = work.part(DECODING, 1.0);
+    match style_statistics_if_wanted(encoder, &image, StyleSize::default(), &work) {
+        Ok(statistics) => Ok(Arc::new(statistics)),
+        Err(EncoderError::Canceled(canceled)) => Err(canceled.into()),
+        Err(source) => Err(failed(Arc::new(source)).into()),
+    }
 }

@@ -11,8 +11,8 @@ use crate::style::wish::error::StyleError;
 
 /// A bake under way.
 pub(super) trait Baking {
-    /// One step.
-    fn step(&mut self, scene: &Scene);
+    /// One step. If `work` is canceled, the bake must not go on.
+    fn step(&mut self, scene: &Scene, work: &Work);
 
     /// The colors so far `[N]`, in scene order.
     fn colors(&self) -> &[[f32; 3]];
@@ -57,9 +57,9 @@ impl Default for Engine {
 }
 
 impl Baking for Baker {
-    fn step(&mut self, scene: &Scene) {
+    fn step(&mut self, scene: &Scene, work: &Work) {
         // Losses are for people who watch a bake.
-        let _ = Baker::step(self, scene);
+        let _ = self.step_if_wanted(scene, work);
     }
 
     fn colors(&self) -> &[[f32; 3]] {

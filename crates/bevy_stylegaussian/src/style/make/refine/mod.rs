@@ -289,10 +289,8 @@ impl Means<'_> {
         let mut paintings = Vec::with_capacity(handles.len());
         for (handle, weight) in handles {
             let Some(image) = loaded(&self.server, &self.images, handle)? else { return Ok(None) };
-            let name = image_name(handle);
-            let image =
-                pixels(image).map_err(|found| Arc::new(StyleError::Image { image: name.clone(), found }))?;
-            paintings.push((name, image, weight));
+            let failed = |found| Arc::new(StyleError::Image { image: image_name(handle), found });
+            paintings.push((pixels(image).map_err(failed)?, weight));
         }
         let request = Request {
             scene: Arc::clone(scene.scene()),

@@ -47,7 +47,7 @@ struct Counting {
 }
 
 impl Baking for Counting {
-    fn step(&mut self, _: &Scene) {
+    fn step(&mut self, _: &Scene, _: &Work) {
         let start = Instant::now();
         while self.log.n_steps.load(SeqCst) >= self.log.allowed.load(SeqCst) {
             assert!(start.elapsed().as_secs() < 60, "nobody allows a further step");

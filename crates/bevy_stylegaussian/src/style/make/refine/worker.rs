@@ -2,15 +2,15 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use bevy::prelude::*;
 use stylegaussian::{
     Scene, look,
     strokes::Strokes,
     work::{Canceled, Work},
 };
+use stylegaussian_encoder::image::DynamicImage;
 
 use crate::{
-    style::{make::images::pixels::decoded, wish::error::StyleError},
+    style::{make::images::pixels::whole, wish::error::StyleError},
     work::{Lane, Workers},
 };
 
@@ -19,8 +19,8 @@ use super::engine::{Baking, Engine};
 /// Everything that a bake is made from.
 pub(super) struct Request {
     pub(super) scene: Arc<Scene>,
-    /// The paintings' names for messages, their pixels and their weights.
-    pub(super) paintings: Vec<(String, Image, f32)>,
+    /// The paintings' pixels and their weights.
+    pub(super) paintings: Vec<(DynamicImage, f32)>,
     pub(super) steps: u32,
     /// Number of results, at least 1.
     pub(super) n_shown: u32,
@@ -92,9 +92,13 @@ fn bake(engine: &Engine, request: Request, newest: &Newest, work: &Work) -> Resu
 }
 
 fn try_bake(engine: &Engine, request: Request, newest: &Newest, work: &Work) -> Result<(), StyleError> {
-    let Request { scene, paintings, steps, n_shown, content, strokes } = request;
-    let paintings = paintings.into_iter().map(|(name, image, weight)| Ok((decoded(name, image)?, weight)));
-    let paintings = paintings.collect::<Result<_, StyleError>>()?;
+    let Request { scene, paintings: images, steps, n_shown, content, strokes } = request;
+    let mut paintings = Vec::with_capacity(images.len());
+    for (image, weight) in &images {
+        let Ok(painting) = whole(image, &work.part(0.0, 0.0)) else { return Ok(()) };
+        paintings.push((painting, *weight));
+    }
+    drop(images);
     let mut baking = engine.begin(&scene, paintings, steps, &work.part(0.0, BEGINNING))?;
     let work = work.part(BEGINNING, 1.0);
     let strokes = strokes_of(&*baking, content, strokes);
@@ -102,7 +106,10 @@ fn try_bake(engine: &Engine, request: Request, newest: &Newest, work: &Work) -> 
         if work.at((step - 1) as f32 / steps as f32).is_err() {
             return Ok(());
         }
-        baking.step(&scene);
+        baking.step(&scene, &work);
+        if work.is_canceled() {
+            return Ok(());
+        }
         // The k-th result comes with the first step that has done k / n_shown of them all.
         let results = |steps_done: u32| u64::from(steps_done) * u64::from(n_shown) / u64::from(steps);
         if results(step) > results(step - 1) {

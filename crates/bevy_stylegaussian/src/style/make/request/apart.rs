@@ -41,9 +41,10 @@ impl StyleRequest {
         if self.under.is_some() {
             return Ok(None);
         }
-        let paintings = made(canvases, work)?;
+        // The worker tells how far it is.
+        let paintings = made(canvases, &work.part(0.0, 0.0))?;
         let tints = match &decided.tints {
-            Some(GivenTints::Canvas(canvas)) => made(&[(canvas.clone(), 1.0)], work)?.pop().map(|(of, _)| of),
+            Some(GivenTints::Canvas(canvas)) => Some(canvas.0.get(&work.part(0.0, 0.0))?),
             Some(GivenTints::Colors(_)) | None => None,
         };
         let mut all = paintings.iter().map(|(painting, _)| painting).chain(&tints);
