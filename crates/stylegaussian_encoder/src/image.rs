@@ -294,8 +294,10 @@ impl Image {
             values
         };
         let alpha = self.alpha.as_ref().filter(|alpha| has_pixels(alpha, 1));
-        let rgb = clamped(resize::resized::<3>(&self.rgb, from, to, filter, work)?);
-        let alpha = alpha.map(|alpha| resize::resized::<1>(alpha, from, to, filter, work)).transpose()?;
+        let of_rgb = if alpha.is_some() { 0.75 } else { 1.0 };
+        let (before, after) = (work.part(0.0, of_rgb), work.part(of_rgb, 1.0));
+        let rgb = clamped(resize::resized::<3>(&self.rgb, from, to, filter, &before)?);
+        let alpha = alpha.map(|alpha| resize::resized::<1>(alpha, from, to, filter, &after)).transpose()?;
         let alpha = alpha.map(clamped);
         Ok(Self { width, height, rgb, alpha })
     }

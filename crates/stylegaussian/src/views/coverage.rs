@@ -39,7 +39,7 @@ struct TestView {
     candidate: Candidate,
     /// The Gaussians of the simplified scene that fill any of the test view, and how many pixels.
     pixels: Vec<(u32, f32)>,
-    /// The share of the picture that shows the scene, 0..1.
+    /// The share of the picture that shows what is framed of the scene, 0..1.
     covered: f32,
     /// Whether the picture shows enough of the scene and nothing is in the way.
     usable: bool,
@@ -57,9 +57,11 @@ impl TestView {
         // Compared without a division by alpha, which may be 0. Pixels of less than 0.3 block little.
         let in_the_way = |(z, a): &(&f32, &f32)| **a > 0.3 && **z < candidate.clearance * **a;
         let blocked = depths.iter().zip(&alphas).filter(in_the_way).count() as f32 / n_pixels as f32;
-        let covered = alphas.iter().sum::<f32>() / n_pixels as f32;
         // The transpose applied to ones sums each Gaussian's weights over the picture.
         let pixels = weights.apply_transposed(&vec![1.0; n_pixels], 1);
+        // Surroundings do not make a place of a thing.
+        let framed = pixels.iter().zip(&survey.masses).filter(|(_, mass)| **mass > 0.0);
+        let covered = framed.map(|(pixels, _)| pixels).sum::<f32>() / n_pixels as f32;
         let pixels = (0..).zip(pixels).filter(|(_, pixels)| *pixels > 0.0).collect();
         Self { candidate, pixels, covered, usable: blocked < MOST_BLOCKED && covered > LEAST_COVERED }
     }

@@ -1,5 +1,7 @@
 //! Resizing in bands, on the threads of rayon's pool. It stops soon if nobody waits for the result.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use fast_image_resize::{
     FilterType, PixelType, ResizeAlg, ResizeOptions, Resizer,
     images::{Image, ImageRef},
@@ -42,6 +44,7 @@ pub(super) fn resized<const CHANNELS: usize>(
     let n_rows = ((BAND as f64 / (f64::from(width) * ratio)) as usize).clamp(1, to[1] as usize);
     let line = CHANNELS * to[0] as usize;
     let mut resized = vec![0.0_f32; line * to[1] as usize];
+    let n_done = AtomicUsize::new(0);
     resized.par_chunks_mut(line * n_rows).enumerate().try_for_each(|(i, band)| {
         work.check()?;
         let (first, n) = ((i * n_rows) as f64, band.len() / line);
@@ -53,7 +56,7 @@ pub(super) fn resized<const CHANNELS: usize>(
         let new = Image::from_slice_u8(to[0], n as u32, bytemuck::cast_slice_mut(band), pixel);
         let (old, mut new) = old.ok().zip(new.ok()).expect("there are as many values as an image has");
         Resizer::new().resize(&old, &mut new, &options).expect("the part lies within the image");
-        Ok(())
+        work.at((n_done.fetch_add(n, Ordering::Relaxed) + n) as f32 / to[1] as f32)
     })?;
     Ok(resized)
 }
