@@ -2,7 +2,10 @@
 
 use std::f32::consts::TAU;
 
-use crate::{Camera, bulk::quantiles};
+use crate::{
+    Camera,
+    bulk::{LARGER, quantiles},
+};
 use glam::{UVec2, Vec3};
 
 use super::{
@@ -92,6 +95,11 @@ fn direction(up: Vec3, azimuth: f32, elevation: f32) -> Vec3 {
 fn overview_from(survey: &Survey, direction: Vec3) -> Candidate {
     // At this distance the ball of the scene touches the sides of the cone of view.
     let distance = survey.radius / OBJECT_HALF_ANGLE.sin();
+    // Surroundings that are left out do not hide what is framed.
+    let before = match survey.framed {
+        Framed::Dense(_) => distance - LARGER * survey.radius,
+        Framed::All | Framed::Told => 0.0,
+    };
     let candidate = Candidate {
         eye: survey.center + distance * direction,
         target: survey.center,
@@ -100,7 +108,7 @@ fn overview_from(survey: &Survey, direction: Vec3) -> Candidate {
         is_overview: true,
         // No object is so near. Such Gaussians float between it and the camera.
         clearance: 0.25 * distance,
-        near: NEAR * distance,
+        near: before.max(NEAR * distance),
     };
     match survey.framed {
         Framed::Told => candidate,
