@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 pub use ::image::DynamicImage;
 use ::image::{ImageError as DecodeError, RgbImage};
 
+use fast_image_resize::pixels::{F32, F32x3};
 pub use file::{extensions, format_names};
 pub(crate) use resize::Filter;
 use stylegaussian::{
@@ -296,8 +297,8 @@ impl Image {
         let alpha = self.alpha.as_ref().filter(|alpha| has_pixels(alpha, 1));
         let of_rgb = if alpha.is_some() { 0.75 } else { 1.0 };
         let (before, after) = (work.part(0.0, of_rgb), work.part(of_rgb, 1.0));
-        let rgb = clamped(resize::resized::<3>(&self.rgb, from, to, filter, &before)?);
-        let alpha = alpha.map(|alpha| resize::resized::<1>(alpha, from, to, filter, &after)).transpose()?;
+        let rgb = clamped(resize::resized::<F32x3>(&self.rgb, from, to, filter, &before)?);
+        let alpha = alpha.map(|alpha| resize::resized::<F32>(alpha, from, to, filter, &after)).transpose()?;
         let alpha = alpha.map(clamped);
         Ok(Self { width, height, rgb, alpha })
     }

@@ -3,8 +3,8 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use fast_image_resize::{
-    FilterType, PixelType, ResizeAlg, ResizeOptions, Resizer,
-    images::{Image, ImageRef},
+    FilterType, PixelTrait, ResizeAlg, ResizeOptions, Resizer,
+    images::{TypedImage, TypedImageRef},
 };
 use rayon::prelude::*;
 use stylegaussian::work::{Canceled, Work};
@@ -21,20 +21,18 @@ pub(crate) enum Filter {
     Triangle,
 }
 
-/// `values` `[height, width, CHANNELS]` at another size (width, height). Neither has a side of 0. Values beyond
-/// those of the image may appear at edges.
+/// Pixels, or an opacity for each, as f32 `[height, width, channels of P]`, at another size (width, height).
+/// Neither has a side of 0. Values beyond those of the image may appear at edges.
 ///
 /// # Errors
 /// If `work` is canceled.
-pub(super) fn resized<const CHANNELS: usize>(
+pub(super) fn resized<P: PixelTrait<Component = f32>>(
     values: &[f32],
     [width, height]: [u32; 2],
     to: [u32; 2],
     filter: Filter,
     work: &Work,
 ) -> Result<Vec<f32>, Canceled> {
-    const { assert!(CHANNELS == 1 || CHANNELS == 3, "channels of an image or of its alpha") };
-    let pixel = if CHANNELS == 1 { PixelType::F32 } else { PixelType::F32x3 };
     let filter = match filter {
         Filter::Lanczos3 => FilterType::Lanczos3,
         Filter::Triangle => FilterType::Bilinear,
@@ -42,7 +40,7 @@ pub(super) fn resized<const CHANNELS: usize>(
     let options = ResizeOptions::new().resize_alg(ResizeAlg::Convolution(filter)).use_alpha(false);
     let ratio = f64::from(height) / f64::from(to[1]);
     let n_rows = ((BAND as f64 / (f64::from(width) * ratio)) as usize).clamp(1, to[1] as usize);
-    let line = CHANNELS * to[0] as usize;
+    let line = P::count_of_components() * to[0] as usize;
     let mut resized = vec![0.0_f32; line * to[1] as usize];
     let n_done = AtomicUsize::new(0);
     resized.par_chunks_mut(line * n_rows).enumerate().try_for_each(|(i, band)| {
@@ -52,10 +50,10 @@ pub(super) fn resized<const CHANNELS: usize>(
         let top = first * ratio;
         let part_height = (n as f64 * ratio).min(f64::from(height) - top);
         let options = options.crop(0.0, top, f64::from(width), part_height);
-        let old = ImageRef::new(width, height, bytemuck::cast_slice(values), pixel);
-        let new = Image::from_slice_u8(to[0], n as u32, bytemuck::cast_slice_mut(band), pixel);
+        let old = TypedImageRef::<P>::from_buffer(width, height, bytemuck::cast_slice(values));
+        let new = TypedImage::<P>::from_buffer(to[0], n as u32, bytemuck::cast_slice_mut(band));
         let (old, mut new) = old.ok().zip(new.ok()).expect("there are as many values as an image has");
-        Resizer::new().resize(&old, &mut new, &options).expect("the part lies within the image");
+        Resizer::new().resize_typed(&old, &mut new, &options).expect("the part lies within the image");
         work.at((n_done.fetch_add(n, Ordering::Relaxed) + n) as f32 / to[1] as f32)
     })?;
     Ok(resized)
@@ -63,6 +61,7 @@ pub(super) fn resized<const CHANNELS: usize>(
 
 #[cfg(test)]
 mod tests {
+    use fast_image_resize::pixels::F32x3;
     use image::{
         ImageBuffer, Rgb,
         imageops::{self, FilterType},
@@ -88,7 +87,7 @@ mod tests {
                 [(Filter::Lanczos3, FilterType::Lanczos3), (Filter::Triangle, FilterType::Triangle)]
             {
                 let expected = imageops::resize(&whole, to[0], to[1], other).into_raw();
-                let found = resized::<3>(&values, [width, height], to, filter, &Work::default()).unwrap();
+                let found = resized::<F32x3>(&values, [width, height], to, filter, &Work::default()).unwrap();
                 assert_eq!(found.len(), expected.len());
                 for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
                     let (found, expected) = (found.clamp(0.0, 1.0), expected.clamp(0.0, 1.0));
