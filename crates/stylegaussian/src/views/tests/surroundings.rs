@@ -121,7 +121,7 @@ fn a_scene_can_tell_what_to_frame() {
     assert_eq!(choose_views(&nothing, 2, SIZE).len(), 2);
 }
 
-/// Sizes grow from the thing over the floor to the dome, as they would around the spot of a capture from within.
+/// Sizes grow from the thing over the floor to the dome, as around the spot of a capture from within.
 #[test]
 fn a_small_thing_under_a_dome_is_seen_from_outside() {
     const RADIUS: f32 = 0.5;
