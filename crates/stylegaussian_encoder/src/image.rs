@@ -35,7 +35,7 @@ const MAX_DECODER_BYTES: u64 = MAX_PIXELS * 8;
 /// metadata.
 const MAX_FILE_BYTES: u64 = 2 * MAX_DECODER_BYTES;
 
-/// Pixels that are converted between two looks at whether they are still wanted: 3 MiB as f32 RGB.
+/// Pixels that are converted or shrunk between two looks at whether they are still wanted: 3 MiB as f32 RGB.
 const BAND: usize = 1 << 18;
 
 /// An RGB image.

@@ -151,7 +151,7 @@ impl Shown {
         Ok(())
     }
 
-    /// What is next, once it is read.
+    /// The next one, once it is read.
     fn poll(
         &mut self,
         scenes: &mut Assets<GaussianScene>,

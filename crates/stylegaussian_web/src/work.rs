@@ -90,7 +90,7 @@ pub fn work_pixels(name: &str, bytes: &[u8], tell: Function) -> Result<Vec<u8>, 
     pixels_of(name, bytes)
 }
 
-/// What [`work_pixels`] returns.
+/// The result of [`work_pixels`].
 ///
 /// # Errors
 /// If it is no such image.

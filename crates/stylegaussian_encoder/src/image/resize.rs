@@ -9,8 +9,7 @@ use fast_image_resize::{
 use rayon::prelude::*;
 use stylegaussian::work::{Canceled, Work};
 
-/// Old pixels of a band, about: a hundredth of a second.
-const BAND: usize = 1 << 18;
+use super::BAND;
 
 /// A filter. Where an image shrinks, it covers as many old pixels more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
