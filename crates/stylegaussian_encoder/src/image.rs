@@ -35,9 +35,6 @@ const MAX_DECODER_BYTES: u64 = MAX_PIXELS * 8;
 /// metadata.
 const MAX_FILE_BYTES: u64 = 2 * MAX_DECODER_BYTES;
 
-/// Pixels that are converted or shrunk between two looks at whether they are still wanted: 3 MiB as f32 RGB.
-const BAND: usize = 1 << 18;
-
 /// An RGB image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
@@ -311,7 +308,7 @@ impl Image {
     pub fn of_part(image: &DynamicImage, edges: [usize; 4], work: &Work) -> Result<Self, Canceled> {
         let [left, top, right, bottom] = edges.map(|edge| edge as u32);
         let (width, height) = (right - left, bottom - top);
-        let rows = (BAND / (width as usize).max(1)).max(1);
+        let rows = (resize::BAND / (width as usize).max(1)).max(1);
         let mut rgb: Vec<f32> = Vec::with_capacity(3 * width as usize * height as usize);
         let mut alpha: Option<Vec<f32>> = None;
         for first in (0..height).step_by(rows) {

@@ -9,7 +9,8 @@ use fast_image_resize::{
 use rayon::prelude::*;
 use stylegaussian::work::{Canceled, Work};
 
-use super::BAND;
+/// Pixels that are shrunk or converted between two looks at whether they are still wanted: 3 MiB as f32 RGB.
+pub(super) const BAND: usize = 1 << 18;
 
 /// A filter. Where an image shrinks, it covers as many old pixels more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
