@@ -7,6 +7,8 @@ use crate::{Layout, Source, constants, float_constants, layout};
 
 /// Invocations along a side of a workgroup.
 pub const PAINT_SIDE: u32 = 8;
+/// Pixels of a row or column that an invocation of `paint_blur` blurs.
+pub const PAINT_BLURRED: u32 = 4;
 /// Invocations in a workgroup of `paint_sum`.
 pub const PAINT_SUM_WORKGROUP: u32 = 256;
 /// Pixels that a workgroup of `paint_sum` sums up: four for each invocation. Two steps then suffice for a
@@ -63,6 +65,7 @@ pub struct PaintStep {
 fn source(label: &'static str, kernel: &str) -> Source {
     let integers = constants(&[
         ("PAINT_SIDE", PAINT_SIDE),
+        ("PAINT_BLURRED", PAINT_BLURRED),
         ("PAINT_SUM_WORKGROUP", PAINT_SUM_WORKGROUP),
         ("PAINT_SUMMED", PAINT_SUMMED),
     ]);

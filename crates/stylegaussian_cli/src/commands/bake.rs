@@ -269,9 +269,7 @@ fn checkpoint_of(output: &Path) -> PathBuf {
 /// The help of `--steps`, with the number that is the default.
 fn steps_help() -> String {
     let steps = BakeConfig::DEFAULT.steps;
-    format!(
-        "Steps: one view each. Default: {steps}, for a scene of more than 70,000 Gaussians up to twice as many"
-    )
+    format!("Steps: one view each. Default: {steps}, and up to eight times as many beyond 70,000 Gaussians")
 }
 
 /// A strength from 0 to 2.

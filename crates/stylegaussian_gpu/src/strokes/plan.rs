@@ -190,8 +190,10 @@ impl Plan {
     fn blur(&mut self, input: PaintPicture, output: PaintPicture, sigma: f32, rows: u32) {
         let between = PaintPicture { first: rows, ..input };
         let blur = PaintStep { sigma, reach: redraw::reach(sigma), ..PaintStep::default() };
-        self.on_pixels(Stage::Blur, PaintStep { input, output: between, ..blur });
-        self.on_pixels(Stage::Blur, PaintStep { input: between, output, which: 1, ..blur });
+        let [width, height] = size(&input);
+        let [columns, rows] = [width, height].map(|side| side.div_ceil(shaders::PAINT_BLURRED));
+        self.push(Stage::Blur, PaintStep { input, output: between, ..blur }, [columns, height]);
+        self.push(Stage::Blur, PaintStep { input: between, output, which: 1, ..blur }, [width, rows]);
     }
 
     /// Halves a picture, into the pixels from `first` on.
