@@ -29,8 +29,10 @@ const N_TARGETS: usize = 24;
 
 /// Number of closer looks at each spot, from the nearest overviews.
 const N_EYES: usize = 6;
-/// Elevation of the circle for showing an object, in radians over the horizon.
+/// Elevation of the circle for showing an object, in radians over the horizon, and the factor of room that its
+/// lens leaves beyond that of overviews: a head must not be cut, which is less than 3% of a person.
 const ORBIT_ELEVATION: f32 = 0.3;
+const ORBIT_ROOM: f32 = 1.12;
 
 /// Half the angle of a view within a place, in radians: wide, as captures of rooms are.
 const PLACE_HALF_ANGLE: f32 = 0.65;
@@ -209,8 +211,9 @@ pub(super) fn circle_around(survey: &Survey, n: usize) -> Vec<Candidate> {
         (0..n).map(|i| overview_from(survey, direction(survey.up, azimuth(i), ORBIT_ELEVATION))).collect();
     // One lens for all, or the object would pulse while the camera goes around it.
     let widest = circle.iter().fold(0.0f32, |widest, candidate| widest.max(candidate.tan_half));
+    let room = if survey.framed == Framed::Told { 1.0 } else { ORBIT_ROOM };
     for candidate in &mut circle {
-        candidate.tan_half = widest;
+        candidate.tan_half = room * widest;
     }
     circle
 }

@@ -213,6 +213,19 @@ fn up_is_told_or_guessed() {
     let mut poster = Scene::default();
     add_rectangle(&mut poster, Vec3::ZERO, 3.0 * Vec3::X, 2.0 * Vec3::Y, 20);
     check("a poster stands, y down", &poster, Vec3::NEG_Y);
+    // Random normals are no surface, and neither is one huge Gaussian of a sky among them.
+    for seed in 0..5 {
+        let mut random = Random::new(seed);
+        let mut noise = scene.clone();
+        noise.rotations.fill_with(|| {
+            let [x, y, z, w] = [(); 4].map(|()| random.normal());
+            Quat::from_xyzw(x, y, z, w).normalize()
+        });
+        let up = |scene: &Scene| Survey::new(scene, N_STAND_IN).expect("something to see").up;
+        assert_eq!(up(&noise), Vec3::NEG_Y, "random normals");
+        noise.scales[0] = Vec3::new(20.0, 20.0, 0.1);
+        assert_eq!(up(&noise), Vec3::NEG_Y, "random normals and a sky");
+    }
     // Without any normals, the convention decides.
     let round = Scene { scales: vec![Vec3::splat(0.1); scene.len()], ..scene.clone() };
     check("no surface", &round, Vec3::NEG_Y);
@@ -229,6 +242,30 @@ fn an_orbit_goes_around_at_one_distance() {
         around += camera.position().cross(next.position());
     }
     assert!(around.y > 0.0, "counter-clockwise from above");
+}
+
+#[test]
+fn an_orbit_cuts_nothing_off() {
+    let mut random = Random::new(1);
+    let mut ball = Scene::default();
+    for i in 0..5000 {
+        let at = Vec3::from([(); 3].map(|()| random.normal())).normalize();
+        ball.means.push(at);
+        ball.rotations.push(Quat::IDENTITY);
+        ball.scales.push(Vec3::splat(0.03));
+        ball.opacities.push(0.9);
+        ball.order.push(i);
+    }
+    ball.n_source = ball.len();
+    for camera in orbit(&ball, 8, SIZE) {
+        let is_shown = |mean: &Vec3| {
+            let view = camera.view_from_world.transform_point3(*mean);
+            // To two deviations.
+            let at = (view.truncate().abs() + 0.06) / view.z * camera.focal;
+            at.cmple(0.5 * SIZE.as_vec2()).all()
+        };
+        assert!(ball.means.iter().all(is_shown));
+    }
 }
 
 #[test]

@@ -12,6 +12,10 @@ const FLAT: f32 = 0.5;
 const PULLING_COSINES: [f32; 6] = [0.906, 0.906, 0.978, 0.978, 0.99, 0.99];
 /// Normals within this cosine of a direction belong to its surfaces (12 degrees).
 const LEVEL_COSINE: f32 = 0.978;
+/// Standard deviations of chance by which the level mass of a direction must exceed that of random normals.
+/// Otherwise nothing is known of it. The best of directions at random reaches three; the table of the bonsai
+/// has seven.
+const EVIDENT: f32 = 5.0;
 /// Factor of level mass that another axis needs over y to replace it.
 const PRIOR_OF_Y: f32 = 2.5;
 /// A scene thinner than this along another axis, relative to its larger extents, is a panel that could stand
@@ -31,6 +35,7 @@ pub(super) fn up(scene: &Scene, masses: &[f32], half_size: Vec3) -> Vec3 {
     }
     let normals = normals(scene, masses);
     // The conventions: y down (3DGS), z up (Blender); x up is not used by anyone.
+    let evident = evident_mass(&normals);
     let [x, y, z] = [Vec3::X, Vec3::NEG_Y, Vec3::Z].map(|custom| {
         let axis = refined(custom, &normals);
         (axis, level_mass(axis, &normals))
@@ -38,7 +43,13 @@ pub(super) fn up(scene: &Scene, masses: &[f32], half_size: Vec3) -> Vec3 {
     let (rival, half_height) = if x.1 > z.1 { (x, half_size.x) } else { (z, half_size.z) };
     // A panel's normals all point one way, which is no sign that it lies flat.
     let is_panel = half_height < PANEL * half_size.max_element();
-    let axis = if rival.1 > PRIOR_OF_Y * y.1 && !is_panel { rival.0 } else { y.0 };
+    let axis = if rival.1 > (PRIOR_OF_Y * y.1).max(evident) && !is_panel {
+        rival.0
+    } else if y.1 > evident {
+        y.0
+    } else {
+        Vec3::NEG_Y
+    };
     if is_upside_down(axis, &normals) { -axis } else { axis }
 }
 
@@ -81,6 +92,21 @@ fn refined(axis: Vec3, surfaces: &[Surface]) -> Vec3 {
         };
         surfaces.iter().map(pull).sum::<Vec3>().try_normalize().unwrap_or(axis)
     })
+}
+
+/// The level mass from which on a direction is no chance. With m the masses and p the share of directions that
+/// are level, 1 - [`LEVEL_COSINE`], that of random normals has
+///
+/// ```text
+/// mean p sum m, variance p (1 - p) sum m^2
+/// ```
+///
+/// The largest Gaussian is no evidence by itself: it may be a piece of a sky.
+fn evident_mass(surfaces: &[Surface]) -> f32 {
+    let sum = |power: i32| surfaces.iter().map(|surface| surface.mass.powi(power)).sum::<f32>();
+    let largest = surfaces.iter().map(|surface| surface.mass).fold(0.0, f32::max);
+    let share = 1.0 - LEVEL_COSINE;
+    share * sum(1) + EVIDENT * (share * (1.0 - share) * sum(2)).sqrt() + largest
 }
 
 fn level_mass(axis: Vec3, surfaces: &[Surface]) -> f32 {
