@@ -91,9 +91,9 @@ fn read_file(path: &Path, options: CameraOptions) -> Result<CameraSet, CamerasEr
         // 3DGS trainers write a list, all others an object.
         Some("json") => {
             let json: serde_json::Value = parse(path, &read(path)?)?;
-            match json.is_array() {
-                true => three_dgs::read(path, json, options.offset),
-                false => transforms::read(path, json, options),
+            match json.as_array() {
+                Some(cameras) => three_dgs::read(path, cameras, options.offset),
+                None => transforms::read(path, &json, options),
             }
         }
         _ => Err(CamerasError::Unrecognized { path: path.into() }),

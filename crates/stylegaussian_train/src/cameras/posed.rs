@@ -118,8 +118,11 @@ pub enum CamerasError {
         /// The system's error.
         source: io::Error,
     },
-    /// The JSON is malformed, or lacks a field that the format requires.
-    #[error("{path}: {source}", path = .path.display())]
+    /// The JSON is malformed.
+    #[error(
+        "{path}: found a fault in the JSON ({source}), expected JSON, which has no NaN, Infinity or comments",
+        path = .path.display()
+    )]
     Json {
         /// The file.
         path: PathBuf,
