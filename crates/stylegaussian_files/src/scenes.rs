@@ -83,7 +83,10 @@ impl SceneReader {
         if loaded.scene.is_empty() {
             return Err(match loaded.scene.n_source {
                 0 => mismatch("no Gaussian", "at least one"),
-                n => mismatch(format_args!("no usable Gaussian among {n}"), "at least one that is finite"),
+                n => {
+                    let why = loaded.warnings.join("; ");
+                    mismatch(format_args!("no usable Gaussian among {n} ({why})"), "at least one")
+                }
             }
             .at(at));
         }

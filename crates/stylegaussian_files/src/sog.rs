@@ -16,7 +16,8 @@ use stylegaussian::{
 };
 
 use super::{
-    activate::keep_if,
+    activate::drop_if,
+    check::fault_of_place,
     archive::{Archive, is_zip},
     error::{Loaded, Mismatch, mismatch},
     files::{Files, Unread},
@@ -121,8 +122,7 @@ fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
     let scene = scene(chunks, &mut warnings, &files.work)?;
     files.work.at(0.95)?;
     // Tables of other values are finite.
-    let is_finite = |scene: &Scene, i: usize| scene.means[i].is_finite() && scene.scales[i].is_finite();
-    let mut scene = keep_if(scene, is_finite, &mut warnings);
+    let mut scene = drop_if(scene, fault_of_place, &mut warnings);
     let (axes, because) = match options.axes {
         Some(axes) => (axes, "they were asked for"),
         None => (Axes::RDF, "SOG keeps the coordinates of the .ply that it was made from"),
