@@ -8,6 +8,7 @@ use super::{
     atomic::write_atomically,
     bytes::read_bytes,
     check::check_scene,
+    distant,
     error::{FileError, Loaded, mismatch},
     files::{Files, Unread},
     format::{ReadOptions, Unwritten, WriteOptions, WriteScene},
@@ -90,6 +91,7 @@ impl SceneReader {
             }
             .at(at));
         }
+        loaded.warnings.extend(distant::rounded(&loaded.scene));
         Ok(Reading::Scene(Box::new(loaded)))
     }
 }
