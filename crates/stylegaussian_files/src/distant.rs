@@ -107,7 +107,8 @@ pub(super) fn rounded(scene: &Scene) -> Option<String> {
     let n = scene.len();
     let sample = |i: usize| (scene.means[i].as_dvec3(), f64::from(scene.scales[i].max_element()));
     let samples: Vec<Sample> = (0..n).step_by(stride(n)).map(sample).collect();
-    let Spread { distance, extent, size, .. } = Spread::of(&samples).filter(|it| n >= FEWEST && it.size > 0.0)?;
+    let Spread { distance, extent, size, .. } =
+        Spread::of(&samples).filter(|it| n >= FEWEST && it.size > 0.0)?;
     let step = step_of_f32(distance);
     let warning = || {
         format!(
