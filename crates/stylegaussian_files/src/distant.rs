@@ -101,8 +101,8 @@ fn is_coarse(step: f64, extent: f64, size: f64) -> bool {
 /// Fewest Gaussians of which a median says anything.
 const FEWEST: usize = 16;
 
-/// A warning if most positions of a scene are so far from its origin that f32 has rounded them: of a file of f32,
-/// or of parts that lie too far from one another for one offset.
+/// A warning if most positions of a scene are so far from its origin that f32 has rounded them: of a file of
+/// f32, or of parts that lie too far from one another for one offset.
 pub(super) fn rounded(scene: &Scene) -> Option<String> {
     let n = scene.len();
     let sample = |i: usize| (scene.means[i].as_dvec3(), f64::from(scene.scales[i].max_element()));
@@ -112,8 +112,8 @@ pub(super) fn rounded(scene: &Scene) -> Option<String> {
     let step = step_of_f32(distance);
     let warning = || {
         format!(
-            "positions are rounded to {step:.1e}, the steps of f32 at {distance:.1e} from the origin: the median \
-             Gaussian has a size of {size:.1e}, in a scene of {extent:.1e}"
+            "positions are rounded to {step:.1e}, the steps of f32 at {distance:.1e} from the origin: the \
+             median Gaussian has a size of {size:.1e}, in a scene of {extent:.1e}"
         )
     };
     is_coarse(step, extent, size).then(warning)

@@ -85,8 +85,11 @@ impl SceneReader {
             return Err(match loaded.scene.n_source {
                 0 => mismatch("no Gaussian", "at least one"),
                 n => {
-                    let why = loaded.warnings.join("; ");
-                    mismatch(format_args!("no usable Gaussian among {n} ({why})"), "at least one")
+                    let why = match &loaded.warnings[..] {
+                        [] => String::new(),
+                        warnings => format!(" ({})", warnings.join("; ")),
+                    };
+                    mismatch(format_args!("no usable Gaussian among {n}{why}"), "at least one")
                 }
             }
             .at(at));

@@ -98,7 +98,7 @@ impl Rows<'_> {
         /// the exponent of a float is its last bits: of 256 exponents, 80 lie within.
         const MOST: f64 = (1_u64 << 40) as f64;
         let makes_sense = |number: f64| (MOST.recip()..=MOST).contains(&number.abs());
-        let (mut n, mut n_as_said, mut n_swapped) = (0, 0, 0);
+        let (mut n, mut n_as_said, mut n_swapped) = (0_usize, 0, 0);
         for i in (0..self.n_rows).step_by(self.n_rows.div_ceil(N).max(1)) {
             let row = &self.bytes[self.start + i * self.stride..][..self.stride];
             for (at, scalar) in &self.fields {
