@@ -330,6 +330,18 @@ fn cameras_give_the_size_and_the_order() {
     };
     assert!(covered("000000.png") > covered("000001.png"), "the first camera is the nearer one");
     stylegaussian(&["render", &scene, "--cameras", &scene, "-o", &bench.path("d")]).expect_error("a.ply");
+    // Other proportions are told once. 15x12 and 13x10 have the same, rounded to whole pixels.
+    for (size, note) in [
+        ("30x30", "2 of 2 pictures are squeezed, the first from 20x16 to 30x30; --size 30x24 would keep"),
+        ("15x12", ""),
+        ("13x10", ""),
+    ] {
+        let out = bench.path("d");
+        let render = ["render", &scene, "--cameras", &path, "--size", size, "-o", &out];
+        let notes = stylegaussian(&render).expect_success().stderr;
+        let n_squeezed = |text: &str| text.matches("squeezed").count();
+        assert!(notes.contains(note) && n_squeezed(&notes) == n_squeezed(note), "{size}: {notes}");
+    }
 }
 
 #[test]

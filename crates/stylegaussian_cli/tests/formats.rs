@@ -153,8 +153,15 @@ fn a_compressed_ply_is_written_by_its_name_and_a_full_one_on_request() {
     assert!(run.stdout.contains(", pictures at "), "{}", run.stdout);
     assert!(fs::read(&packed).unwrap().windows(15).any(|bytes| bytes == b"packed_position"));
     assert_eq!(bench.scene("b.compressed.ply").len(), bench.scene("a.ply").len());
-    stylegaussian(&["convert", &scene, &full, "--sh-degree", "3"]).expect_success();
-    assert_eq!(bench.scene("c.ply").sh.unwrap().degree, 3);
+    let run = stylegaussian(&["convert", &scene, &full, "--sh-degree", "3"]).expect_success();
+    assert_eq!((bench.scene("c.ply").sh.unwrap().degree, &*run.stderr), (3, ""));
+    // Others are not filled up, and say so.
+    for other in [&packed, &bench.path("d.sog")] {
+        let run = stylegaussian(&["convert", &scene, other, "--sh-degree", "3"]).expect_success();
+        assert!(run.stderr.contains("have degree 1, as in the scene: only a 3DGS .ply"), "{}", run.stderr);
+        let run = stylegaussian(&["convert", &scene, other, "--sh-degree", "1"]).expect_success();
+        assert!(!run.stderr.contains("degree"), "{}", run.stderr);
+    }
 }
 
 #[test]

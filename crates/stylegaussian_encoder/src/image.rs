@@ -8,7 +8,7 @@ mod resize;
 use std::path::{Path, PathBuf};
 
 pub use ::image::DynamicImage;
-use ::image::{ImageError as DecodeError, RgbImage};
+use ::image::RgbImage;
 
 use fast_image_resize::pixels::{F32, F32x3};
 pub use file::{extensions, format_names};
@@ -69,12 +69,12 @@ pub enum ImageError {
         source: std::io::Error,
     },
     /// The file is not an image that can be decoded.
-    #[error("{}: not a readable image ({source}), expected a whole one as {}", path.display(), format_names())]
+    #[error("{}: not a readable image ({reason}), expected a whole one as {}", path.display(), format_names())]
     Decode {
         /// The file.
         path: PathBuf,
-        /// The decoder's error.
-        source: DecodeError,
+        /// The decoder's error, on one line.
+        reason: String,
     },
     /// The decoder panicked over the file.
     #[error("{}: not a readable image: it is malformed ({panic})", path.display())]

@@ -1,10 +1,12 @@
 //! From stored parameters to a scene, for 3DGS files and checkpoints alike.
 
+use std::collections::BTreeMap;
+
 use glam::{DQuat, Quat, Vec3};
 use rayon::prelude::*;
 use stylegaussian::scene::{Features, Scene, Sh};
 
-use super::check::is_finite;
+use super::check::fault;
 
 /// Gaussians as training stores them: before the activations.
 pub(super) struct StoredGaussians {
@@ -48,24 +50,29 @@ fn mapped<T: Copy + Send>(mut values: Vec<T>, to: impl Fn(T) -> T + Sync) -> Vec
 
 /// Drops Gaussians that are not finite, and adds a warning that counts them.
 pub(super) fn drop_broken(scene: Scene, warnings: &mut Vec<String>) -> Scene {
-    keep_if(scene, is_finite, warnings)
+    drop_if(scene, fault, warnings)
 }
 
-/// Drops Gaussians that are not `usable`, which says so of a scene's Gaussian by its index, and adds a warning
-/// that counts them.
-pub(super) fn keep_if(
+/// Drops Gaussians that have a `fault`, which names that of a scene's Gaussian by its index, as words that
+/// follow "with". Adds a warning that counts them.
+pub(super) fn drop_if(
     scene: Scene,
-    usable: impl Fn(&Scene, usize) -> bool + Sync,
+    fault: impl Fn(&Scene, usize) -> Option<&'static str> + Sync,
     warnings: &mut Vec<String>,
 ) -> Scene {
     let n = scene.len();
-    let is_kept = |&i: &u32| usable(&scene, i as usize);
+    let is_kept = |&i: &u32| fault(&scene, i as usize).is_none();
     // Of most scenes, everything is kept.
     if (0..n as u32).into_par_iter().all(|i| is_kept(&i)) {
         return scene;
     }
     let kept: Vec<u32> = (0..n as u32).into_par_iter().filter(is_kept).collect();
-    warnings.push(format!("dropped {} of {n} Gaussians: not finite, or a zero quaternion", n - kept.len()));
+    let mut counts = BTreeMap::new();
+    for fault in (0..n).filter_map(|i| fault(&scene, i)) {
+        *counts.entry(fault).or_insert(0_usize) += 1;
+    }
+    let counts: Vec<String> = counts.into_iter().map(|(fault, n)| format!("{n} with {fault}")).collect();
+    warnings.push(format!("dropped {} of {n} Gaussians: {}", n - kept.len(), counts.join(", ")));
     scene.subset(&kept)
 }
 
@@ -137,6 +144,11 @@ mod tests {
         assert_eq!(scene.order, [2, 7]);
         assert_eq!(scene.n_source, 8);
         assert_eq!(scene.rotations[0], Quat::IDENTITY);
-        assert!(warnings[0].starts_with("dropped 6 of 8"), "{warnings:?}");
+        assert_eq!(
+            warnings,
+            ["dropped 6 of 8 Gaussians: 1 with a color that is not finite, 1 with a position that is not \
+              finite, 2 with a rotation that is zero or not finite, 1 with a size that is not finite, 1 with \
+              an opacity that is not finite"]
+        );
     }
 }

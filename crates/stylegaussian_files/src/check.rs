@@ -12,7 +12,7 @@ pub(super) fn check_scene(scene: &Scene) -> Result<(), Mismatch> {
         let wrong = |found: String, expected| {
             Err(mismatch(format_args!("{found} of source Gaussian {source_index}"), expected))
         };
-        if !is_finite(scene, i) {
+        if fault(scene, i).is_some() {
             return wrong("NaN or infinity".into(), "finite numbers");
         }
         let length = scene.rotations[i].length();
@@ -28,17 +28,37 @@ pub(super) fn check_scene(scene: &Scene) -> Result<(), Mismatch> {
     Ok(())
 }
 
-/// Whether everything about Gaussian `i` is finite. A quaternion that could not be normalized is NaN.
-pub(super) fn is_finite(scene: &Scene, i: usize) -> bool {
+/// The fault of Gaussian `i`, as words that follow "with", or `None` if everything about it is finite. A
+/// quaternion that could not be normalized is NaN.
+pub(super) fn fault(scene: &Scene, i: usize) -> Option<&'static str> {
     let finite_row = |values: &[f32]| {
         // `values` has a row per Gaussian, and there is a Gaussian i.
         let width = values.len() / scene.len();
         values[i * width..(i + 1) * width].iter().all(|value| value.is_finite())
     };
-    scene.means[i].is_finite()
-        && scene.scales[i].is_finite()
-        && scene.rotations[i].is_finite()
-        && scene.opacities[i].is_finite()
-        && scene.sh.as_ref().is_none_or(|sh| finite_row(&sh.coefficients))
-        && scene.features.as_ref().is_none_or(|f| finite_row(&f.values) && finite_row(&f.extra))
+    let of_place = fault_of_place(scene, i);
+    if of_place.is_some() {
+        of_place
+    } else if !scene.rotations[i].is_finite() {
+        Some("a rotation that is zero or not finite")
+    } else if !scene.opacities[i].is_finite() {
+        Some("an opacity that is not finite")
+    } else if scene.sh.as_ref().is_some_and(|sh| !finite_row(&sh.coefficients)) {
+        Some("a color that is not finite")
+    } else if scene.features.as_ref().is_some_and(|f| !(finite_row(&f.values) && finite_row(&f.extra))) {
+        Some("features that are not finite")
+    } else {
+        None
+    }
+}
+
+/// The [`fault`] of the position or the size of Gaussian `i`.
+pub(super) fn fault_of_place(scene: &Scene, i: usize) -> Option<&'static str> {
+    if !scene.means[i].is_finite() {
+        Some("a position that is not finite")
+    } else if !scene.scales[i].is_finite() {
+        Some("a size that is not finite")
+    } else {
+        None
+    }
 }

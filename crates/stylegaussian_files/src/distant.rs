@@ -39,27 +39,11 @@ pub(super) fn stride(n: usize) -> usize {
 /// It is the one that the file names, if the scene is near that, or else rounded to a power of ten above the
 /// extent. Strays neither cause it nor prevent it: the extent leaves out a tenth of the Gaussians on each side.
 pub(super) fn offset(samples: &[Sample], named: Option<DVec3>) -> DVec3 {
-    let mut sizes: Vec<f64> = samples.iter().map(|&(_, size)| size).filter(|size| size.is_finite()).collect();
-    let axes = [0, 1, 2].map(|axis| {
-        let finite = samples.iter().filter(|(position, _)| position.is_finite());
-        let mut along: Vec<f64> = finite.map(|(position, _)| position[axis]).collect();
-        along.sort_unstable_by(f64::total_cmp);
-        along
-    });
-    if axes[0].is_empty() || sizes.is_empty() {
-        return DVec3::ZERO;
-    }
-    let middle = sizes.len() / 2;
-    let size = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let (n, left_out) = (axes[0].len(), axes[0].len() / 10);
-    let center = DVec3::from_array([0, 1, 2].map(|axis| axes[axis][n / 2]));
-    let extents = [0, 1, 2].map(|axis| axes[axis][n - 1 - left_out] - axes[axis][left_out]);
-    let extent = extents.into_iter().fold(size, f64::max);
+    let Some(Spread { center, extent, size, .. }) = Spread::of(samples) else { return DVec3::ZERO };
     let farthest = center.abs().max_element();
     let step = step_of_f32(farthest);
-    let is_far = step > FINEST_OF_EXTENT * extent || step > FINEST_OF_SIZE * size;
     // Beyond the range of f32 there are no scenes, and the Gaussians are dropped.
-    if !is_far || farthest <= extent || !step.is_finite() {
+    if !is_coarse(step, extent, size) || farthest <= extent || !step.is_finite() {
         return DVec3::ZERO;
     }
     let is_near = |named: &DVec3| (center - named).abs().cmple(DVec3::splat(NEAR * extent)).all();
@@ -73,6 +57,66 @@ pub(super) fn offset(samples: &[Sample], named: Option<DVec3>) -> DVec3 {
             _ => (center * unit).round() / unit,
         }
     })
+}
+
+/// The place and the sizes of most samples.
+struct Spread {
+    /// The median position.
+    center: DVec3,
+    /// The median of the largest coordinates, without their signs.
+    distance: f64,
+    /// The longest side of the box without a tenth of the Gaussians on each side, or the median Gaussian's size
+    /// if that is more.
+    extent: f64,
+    /// The median of the Gaussians' largest standard deviations.
+    size: f64,
+}
+
+impl Spread {
+    /// The spread of the finite samples, or `None` if there are none.
+    fn of(samples: &[Sample]) -> Option<Self> {
+        let finite = || samples.iter().map(|(position, _)| position).filter(|position| position.is_finite());
+        let sorted = |mut values: Vec<f64>| {
+            values.sort_unstable_by(f64::total_cmp);
+            values
+        };
+        let sizes = sorted(samples.iter().map(|&(_, size)| size).filter(|size| size.is_finite()).collect());
+        let axes = [0, 1, 2].map(|axis| sorted(finite().map(|position| position[axis]).collect()));
+        let distances = sorted(finite().map(|position| position.abs().max_element()).collect());
+        let middle = |values: &[f64]| values.get(values.len() / 2).copied();
+        let (size, distance) = (middle(&sizes)?, middle(&distances)?);
+        let (n, left_out) = (distances.len(), distances.len() / 10);
+        let center = DVec3::from_array([0, 1, 2].map(|axis| axes[axis][n / 2]));
+        let extents = [0, 1, 2].map(|axis| axes[axis][n - 1 - left_out] - axes[axis][left_out]);
+        let extent = extents.into_iter().fold(size, f64::max);
+        Some(Self { center, distance, extent, size })
+    }
+}
+
+/// Whether positions in steps of `step` are coarse for a scene of this extent, or for Gaussians of this size.
+fn is_coarse(step: f64, extent: f64, size: f64) -> bool {
+    step > FINEST_OF_EXTENT * extent || step > FINEST_OF_SIZE * size
+}
+
+/// Fewest Gaussians of which a median says anything.
+const FEWEST: usize = 16;
+
+/// A warning if most positions of a scene are so far from its origin that f32 has rounded them: of a file of
+/// f32, or of parts that lie too far from one another for one offset.
+pub(super) fn rounded(scene: &Scene) -> Option<String> {
+    let n = scene.len();
+    let sample = |i: usize| (scene.means[i].as_dvec3(), f64::from(scene.scales[i].max_element()));
+    let samples: Vec<Sample> = (0..n).step_by(stride(n)).map(sample).collect();
+    let Spread { distance, extent, size, .. } =
+        Spread::of(&samples).filter(|it| n >= FEWEST && it.size > 0.0)?;
+    let step = step_of_f32(distance);
+    let warning = || {
+        format!(
+            "positions are rounded to {step:.1e}, the steps of f32 at {distance:.1e} from the origin: the \
+             median Gaussian has a size of {size:.1e}, in a scene of {extent:.1e}"
+        )
+    };
+    is_coarse(step, extent, size).then(warning)
 }
 
 /// The distance from a number to the next of f32, infinite beyond its range.

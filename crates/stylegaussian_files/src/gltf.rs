@@ -64,8 +64,11 @@ fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
     let mut document = Document::open(files)?;
     let json = document.json.clone();
     let mut warnings = Vec::new();
-    warn_of_requirements(&json, &mut warnings);
     let found = splats(&json, &mut warnings)?;
+    check_requirements(&json, &found, &mut warnings)?;
+    if let Some(center) = json["extensions"][CESIUM_RTC].get("center") {
+        warnings.push(format!("left out {CESIUM_RTC}: positions count from its center {center}"));
+    }
     let are_logarithms = primitive::scales_are_logarithms(&document, found.iter().map(|found| found.splats))?;
     if are_logarithms {
         warnings.push("scales below 0: taken for logarithms, as drafts of the extension had them".into());
@@ -133,18 +136,61 @@ fn splats<'a>(json: &'a Value, warnings: &mut Vec<String>) -> Result<Vec<Found<'
     Ok(found)
 }
 
-/// Warns of extensions that the file cannot do without and that are not read.
-fn warn_of_requirements(json: &Value, warnings: &mut Vec<String>) {
+/// The extension that moves the whole file. Its readers do not agree on the axes of its center.
+const CESIUM_RTC: &str = "CESIUM_RTC";
+
+/// The extension that compresses the primitives that name it.
+const DRACO: &str = "KHR_draco_mesh_compression";
+
+/// Beginnings of the names of extensions that change no Gaussians: materials, textures, lights, and facts about
+/// the file.
+const OF_OTHERS: [&str; 14] = [
+    CESIUM_RTC,
+    "KHR_materials_",
+    "KHR_texture_",
+    "KHR_lights_",
+    "KHR_techniques_webgl",
+    "KHR_xmp",
+    "KHR_animation_",
+    "EXT_texture_",
+    "EXT_lights_",
+    "EXT_mesh_features",
+    "EXT_instance_features",
+    "EXT_structural_metadata",
+    "MSFT_texture_",
+    "MSFT_packing_",
+];
+
+/// Checks the extensions that the file cannot do without, and warns of those that are not read and change no
+/// Gaussians.
+///
+/// # Errors
+/// If one is not read that may change them: a reader must not load the file then (glTF 2.0, section 3.12).
+fn check_requirements(json: &Value, found: &[Found], warnings: &mut Vec<String>) -> Result<(), Mismatch> {
     let required = json["extensionsRequired"].as_array().into_iter().flatten().filter_map(Value::as_str);
     let is_known = |name: &str| {
         let known = [EXTENSION, instances::EXTENSION, QUANTIZATION];
         // A compressed view that is needed is an error of its own.
         known.iter().chain(&primitive::SPZ_EXTENSIONS).chain(&document::COMPRESSIONS).any(|it| *it == name)
     };
-    let unknown: Vec<&str> = required.filter(|name| !is_known(name)).take(8).collect();
-    if !unknown.is_empty() {
-        warnings.push(format!("the file requires {}, which is not supported", unknown.join(", ")));
+    let is_named = |name: &str| found.iter().any(|it| it.splats.primitive["extensions"].get(name).is_some());
+    let is_of_others = |name: &&str| match *name {
+        DRACO => !is_named(DRACO),
+        name => OF_OTHERS.iter().any(|start| name.starts_with(start)),
+    };
+    let unknown = required.filter(|name| !is_known(name));
+    let (others, needed): (Vec<&str>, Vec<&str>) = unknown.partition(is_of_others);
+    let listed = |names: &[&str]| names[..names.len().min(8)].join(", ");
+    if !needed.is_empty() {
+        return Err(mismatch(
+            format_args!("a glTF that requires {}, which is not supported", listed(&needed)),
+            "one without it",
+        ));
     }
+    if !others.is_empty() {
+        warnings.push(format!("the file requires {}, which is not supported", listed(&others)));
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -21,7 +21,11 @@ pub(super) fn place(scene: &mut Scene, to: DAffine3, warnings: &mut Vec<String>)
     let factors = lengths.max(DVec3::ZERO).map(f64::sqrt);
     // Below this the inverse is noise. A matrix of zeros is not above it either.
     if factors.min_element() <= 1e-9 * factors.max_element() {
-        return Err(mismatch("Gaussians in a node whose scale is 0", "a matrix that can be inverted"));
+        let (least, most) = (factors.min_element(), factors.max_element());
+        return Err(mismatch(
+            format_args!("Gaussians in a node that scales by {least:e} to {most:e}"),
+            "scales above 0, the largest at most 1e9 times the least",
+        ));
     }
     // The polar decomposition L = Q P: P stretches along its eigenvectors, Q turns, and mirrors if L does.
     let inverse = stretched * DMat3::from_diagonal(factors.recip()) * stretched.transpose();
@@ -158,5 +162,9 @@ mod tests {
         }
         let flat = DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0));
         assert!(place(&mut one(), flat, &mut Vec::new()).is_err());
+        // Beyond what f32 holds: the scale that is told is the one that was found.
+        let huge = DAffine3::from_scale(DVec3::new(1e39, 1.0, 1.0));
+        let error = place(&mut one(), huge, &mut Vec::new()).unwrap_err().to_string();
+        assert!(error.contains("scales by 1e0 to") && error.contains("e3"), "{error}");
     }
 }

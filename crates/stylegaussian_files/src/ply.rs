@@ -13,6 +13,7 @@ use stylegaussian::work::Work;
 use super::{
     error::{Loaded, Mismatch},
     format::Format,
+    json::without_mark,
     rows,
 };
 
@@ -33,7 +34,9 @@ use header::Header;
 pub(super) const FORMAT: Format = Format {
     name: "3DGS .ply",
     extensions: &["ply"],
-    recognizes: |bytes, _| matches!(bytes, [b'p', b'l', b'y', b'\n' | b'\r' | b' ' | b'\t', ..]),
+    recognizes: |bytes, _| {
+        matches!(without_mark(bytes), [b'p', b'l', b'y', b'\n' | b'\r' | b' ' | b'\t', ..])
+    },
     read: |files, _| Ok(read(files.take_main(), &files.work)?),
     write: Some(|out, scene, options| Ok(write::write(out, scene, options).map(|()| Vec::new())?)),
 };

@@ -8,6 +8,7 @@ use super::{
     atomic::write_atomically,
     bytes::read_bytes,
     check::check_scene,
+    distant,
     error::{FileError, Loaded, mismatch},
     files::{Files, Unread},
     format::{ReadOptions, Unwritten, WriteOptions, WriteScene},
@@ -83,10 +84,17 @@ impl SceneReader {
         if loaded.scene.is_empty() {
             return Err(match loaded.scene.n_source {
                 0 => mismatch("no Gaussian", "at least one"),
-                n => mismatch(format_args!("no usable Gaussian among {n}"), "at least one that is finite"),
+                n => {
+                    let why = match &loaded.warnings[..] {
+                        [] => String::new(),
+                        warnings => format!(" ({})", warnings.join("; ")),
+                    };
+                    mismatch(format_args!("no usable Gaussian among {n}{why}"), "at least one")
+                }
             }
             .at(at));
         }
+        loaded.warnings.extend(distant::rounded(&loaded.scene));
         Ok(Reading::Scene(Box::new(loaded)))
     }
 }

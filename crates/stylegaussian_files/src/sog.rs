@@ -16,8 +16,9 @@ use stylegaussian::{
 };
 
 use super::{
-    activate::keep_if,
+    activate::drop_if,
     archive::{Archive, is_zip},
+    check::fault_of_place,
     error::{Loaded, Mismatch, mismatch},
     files::{Files, Unread},
     format::{Format, ReadOptions},
@@ -62,7 +63,8 @@ struct Keys {
 fn recognizes(bytes: &[u8], extension: &str) -> bool {
     if is_zip(bytes) {
         // Others are checkpoints of PyTorch.
-        return extension == "sog" || Archive::open(bytes).is_ok_and(|archive| folder_of(&archive).is_some());
+        return extension == "sog"
+            || Archive::open(bytes).is_ok_and(|archive| !folders_of(&archive).is_empty());
     }
     let bytes = without_mark(bytes);
     let is_json = bytes.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
@@ -70,23 +72,20 @@ fn recognizes(bytes: &[u8], extension: &str) -> bool {
     is_json && (extension == "json" || serde_json::from_slice(bytes).is_ok_and(has_keys))
 }
 
-/// The folder of an archive that holds the metadata, with the separator at its end: empty in most, and the name
-/// of the scene if a folder was packed as a whole. `None` if no folder or several do.
-fn folder_of<'a>(archive: &Archive<'a>) -> Option<&'a str> {
+/// The folders of an archive that hold metadata, those that are not within another, with the separator at their
+/// ends. In most archives that is one, empty, or the name of the scene if a folder was packed as a whole.
+fn folders_of<'a>(archive: &Archive<'a>) -> Vec<&'a str> {
     if archive.has(META) {
-        return Some("");
+        return vec![""];
     }
     // Old programs for Windows separate by a backslash. Those for macOS add a folder of their own.
     let folder = |name: &'a str| name.strip_suffix(META).filter(|folder| is_folder(folder));
     let depth = |folder: &str| folder.matches(['/', '\\']).count();
     let mut folders: Vec<&str> =
         archive.names().filter_map(folder).filter(|folder| !folder.starts_with("__MACOSX")).collect();
-    folders.sort_by_key(|folder| depth(folder));
-    match folders[..] {
-        [first, second, ..] if depth(first) == depth(second) => None,
-        [first, ..] => Some(first),
-        [] => None,
-    }
+    let least = folders.iter().map(|folder| depth(folder)).min();
+    folders.retain(|folder| Some(depth(folder)) == least);
+    folders
 }
 
 /// Whether a name ends before the name of a file in its folder.
@@ -121,8 +120,7 @@ fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
     let scene = scene(chunks, &mut warnings, &files.work)?;
     files.work.at(0.95)?;
     // Tables of other values are finite.
-    let is_finite = |scene: &Scene, i: usize| scene.means[i].is_finite() && scene.scales[i].is_finite();
-    let mut scene = keep_if(scene, is_finite, &mut warnings);
+    let mut scene = drop_if(scene, fault_of_place, &mut warnings);
     let (axes, because) = match options.axes {
         Some(axes) => (axes, "they were asked for"),
         None => (Axes::RDF, "SOG keeps the coordinates of the .ply that it was made from"),
@@ -230,8 +228,18 @@ impl<'a> Part<'a> {
         warnings: &mut Vec<String>,
     ) -> Result<Self, Mismatch> {
         let mut archive = is_zip(bytes).then(|| Archive::open(bytes)).transpose()?;
-        // An archive without the metadata is refused by the name of the file that is missing.
-        let folder = archive.as_ref().and_then(folder_of).unwrap_or_default();
+        let folder = match archive.as_ref().map(folders_of).unwrap_or_default()[..] {
+            [first, second, ..] => {
+                let [first, second] = [first, second].map(str::escape_debug);
+                return Err(mismatch(
+                    format_args!("a zip archive with `{first}{META}` and `{second}{META}`"),
+                    "the files of one scene",
+                ));
+            }
+            [folder] => folder,
+            // An archive without the metadata is refused by the name of the file that is missing.
+            [] => "",
+        };
         let json = match &mut archive {
             Some(archive) => archive.unpack(&format!("{folder}{META}"))?,
             None => Cow::Borrowed(bytes),

@@ -26,8 +26,8 @@ use posed::{invalid, parse, read};
 
 /// Reads the cameras at `path`: a transforms.json, a 3DGS cameras.json, a file of a COLMAP model, or a folder
 /// with one of these (in this order: transforms.json, COLMAP in sparse/0, sparse, the folder itself,
-/// colmap/sparse/0 or colmap/sparse, cameras.json, transforms_train.json, COLMAP in 0). Of several numbered
-/// COLMAP models, the one with the most images is read.
+/// colmap/sparse/0, colmap/sparse, dense/sparse or dense/0/sparse, cameras.json, transforms_train.json, COLMAP
+/// in 0). Of several numbered COLMAP models, the one with the most images is read.
 ///
 /// # Errors
 /// If the file is missing, truncated or malformed, a pose is not rigid, the lens is no pinhole (distortion
@@ -58,9 +58,10 @@ fn read_folder(folder: &Path, options: CameraOptions) -> Result<CameraSet, Camer
     if transforms.is_file() {
         return read_file(&transforms, options);
     }
-    // COLMAP's mapper numbers its models in sparse. Its undistorter writes to sparse itself. nerfstudio
-    // keeps both in colmap.
-    for model in [folder.join("sparse"), folder.into(), folder.join("colmap/sparse")] {
+    // COLMAP's mapper numbers its models in sparse. Its undistorter writes to sparse itself, in the folders of
+    // dense for those who reconstruct automatically. nerfstudio keeps both in colmap.
+    for model in ["sparse", "", "colmap/sparse", "dense/sparse", "dense/0/sparse"] {
+        let model = folder.join(model);
         if model != folder
             && let Some(set) = colmap::read_largest(&model, options.offset)?
         {
@@ -91,9 +92,9 @@ fn read_file(path: &Path, options: CameraOptions) -> Result<CameraSet, CamerasEr
         // 3DGS trainers write a list, all others an object.
         Some("json") => {
             let json: serde_json::Value = parse(path, &read(path)?)?;
-            match json.is_array() {
-                true => three_dgs::read(path, json, options.offset),
-                false => transforms::read(path, json, options),
+            match json.as_array() {
+                Some(cameras) => three_dgs::read(path, cameras, options.offset),
+                None => transforms::read(path, &json, options),
             }
         }
         _ => Err(CamerasError::Unrecognized { path: path.into() }),

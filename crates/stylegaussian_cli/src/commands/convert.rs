@@ -39,8 +39,8 @@ pub struct ConvertArgs {
     #[command(flatten)]
     writing: WriteArgs,
     /// The degree of spherical harmonics to write. Higher ones are left out, which gives smaller files with
-    /// less change of color with the direction of view. A .ply of a scene with fewer is filled up with zeros:
-    /// some programs read no .ply without degree 3. Default: those of the scene.
+    /// less change of color with the direction of view. A .ply of a scene with fewer, unless it is a compressed
+    /// one, is filled up with zeros: some programs read no .ply without degree 3. Default: those of the scene.
     #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: Option<u8>,
     /// Print JSON.
@@ -99,8 +99,14 @@ pub fn run(arguments: &ConvertArgs) -> Result<()> {
         if fs::metadata(output).is_ok_and(|written| written.is_file()) {
             let written = read_scene_with(output, ReadOptions::default())?.scene;
             let lost = lost(&scene, &written, options.sh_degree);
-            let lost: Vec<_> =
+            let mut lost: Vec<_> =
                 lost.iter().map(|what| format!("a .{} keeps no {what}", extension(output))).collect();
+            let captured = degree(&scene);
+            if arguments.sh_degree.is_some_and(|asked| captured < asked && degree(&written) < asked) {
+                lost.push(format!(
+                    "spherical harmonics have degree {captured}, as in the scene: only a 3DGS .ply is filled up"
+                ));
+            }
             warn(&lost);
             warnings.extend(lost);
             let is_compressed = output.to_string_lossy().to_lowercase().ends_with(COMPRESSED_PLY);

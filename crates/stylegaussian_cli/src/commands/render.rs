@@ -80,7 +80,7 @@ pub struct RenderArgs {
     #[arg(long, requires = "restyling")]
     screen_stable: bool,
     /// Size of the pictures in pixels. Default: each camera's own, and 800x600 for an orbit. Files of cameras
-    /// with angles of view alone need it.
+    /// with angles of view alone need it. Other proportions than a camera's squeeze its picture.
     #[arg(long, value_name = "WxH", value_parser = picture_size)]
     size: Option<UVec2>,
     /// Background of the scene: `transparent` or a color.
@@ -229,6 +229,29 @@ impl RenderArgs {
         self.size.map_or(camera.clone(), |size| camera.resized(size))
     }
 
+    /// Warns if the size that is asked for has other proportions than cameras of the file at `path`.
+    fn warn_of_squeezed(&self, path: &Path, cameras: &[Camera]) {
+        let Some(to) = self.size else { return };
+        let sizes = cameras.iter().map(|camera| camera.size);
+        let squeezed: Vec<UVec2> = sizes.filter(|from| is_squeezed(*from, to)).collect();
+        if let Some(from) = squeezed.first() {
+            let height = u64::from(to.x) * u64::from(from.y) / u64::from(from.x).max(1);
+            warn([format!(
+                "{}: {} of {} pictures are squeezed, the first from {}x{} to {}x{}; --size {}x{} would keep \
+                 its proportions",
+                path.display(),
+                squeezed.len(),
+                cameras.len(),
+                from.x,
+                from.y,
+                to.x,
+                to.y,
+                to.x,
+                height.max(1)
+            )]);
+        }
+    }
+
     /// The camera of each picture, at its size, and the time in seconds.
     fn cameras(&self, scene: &Scene) -> Result<Vec<(Camera, f64)>> {
         let cameras = match &self.cameras {
@@ -236,6 +259,7 @@ impl RenderArgs {
                 let options =
                     CameraOptions { size: self.size, offset: scene.offset, ..CameraOptions::default() };
                 let cameras = cameras_of_file(path, options)?;
+                self.warn_of_squeezed(path, &cameras);
                 cameras.into_iter().map(|camera| camera.near_among(&scene.means)).collect()
             }
             None => {
@@ -311,6 +335,14 @@ impl<'a, 'b> Pictures<'a, 'b> {
             warn([format!("{}: {n_empty} of {n} pictures show nothing of the scene", path.display())]);
         }
     }
+}
+
+/// Whether pictures of the size `from` have other proportions at the size `to`: by more than a hundredth, and
+/// by more than a pixel, since sides of scaled pictures are rounded.
+fn is_squeezed(from: UVec2, to: UVec2) -> bool {
+    let scale = to.as_dvec2() / from.as_dvec2();
+    let off = (scale.min_element() / scale.max_element() - 1.0).abs();
+    off > 0.01 && off * f64::from(to.max_element()) > 1.0
 }
 
 /// Reads a file of cameras.

@@ -17,7 +17,7 @@ use super::{
     ending::{Ending, ending},
     photo::{Turn, turn},
 };
-use crate::guard::guarded;
+use crate::guard::{guarded, one_line};
 
 /// A format that is read.
 struct Format {
@@ -188,13 +188,13 @@ fn undecodable(source: DecodeError, format: &'static str, path: &Path) -> ImageE
         DecodeError::IoError(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
             ImageError::Truncated { path: path.into(), format }
         }
-        source => ImageError::Decode { path: path.into(), source },
+        source => ImageError::Decode { path: path.into(), reason: one_line(source) },
     }
 }
 
 fn orientation(decoder: &mut impl ImageDecoder, path: &Path) -> Result<Orientation, ImageError> {
     // Asked of the decoder, since the decoded image no longer knows it.
-    decoder.orientation().map_err(|source| ImageError::Decode { path: path.into(), source })
+    decoder.orientation().map_err(|source| ImageError::Decode { path: path.into(), reason: one_line(source) })
 }
 
 /// Decodes a file. `turn` decides from the stored size and the orientation how its pixels are turned.

@@ -15,6 +15,7 @@ use super::{
     engine::{Outlet, Planes, Signature},
     runtime::DYLIB_VARIABLE,
 };
+use crate::guard::one_line;
 
 /// A graph ready to run. Runs take turns: a session uses all cores by itself.
 pub(crate) struct Graph {
@@ -27,7 +28,7 @@ impl Graph {
     /// # Errors
     /// The reason of ONNX Runtime's refusal.
     pub(crate) fn load(environment: &Environment, onnx: &[u8]) -> Result<(Self, Signature), String> {
-        let session = open(environment, onnx).map_err(|error| error.to_string())?;
+        let session = open(environment, onnx).map_err(one_line)?;
         let outlets = |outlets: &[value::Outlet]| outlets.iter().map(outlet).collect();
         let signature = Signature { inputs: outlets(session.inputs()), outputs: outlets(session.outputs()) };
         Ok((Self { session: Mutex::new(session) }, signature))
@@ -38,14 +39,13 @@ impl Graph {
     /// # Errors
     /// The reason of ONNX Runtime's refusal.
     pub(crate) fn run(&self, input: &Planes) -> Result<(Vec<usize>, Vec<f32>), String> {
-        let text = |error: ort::Error| error.to_string();
         // Borrows the input: ONNX Runtime reads it in place.
-        let tensor = TensorRef::from_array_view((input.shape(), &input.values[..])).map_err(text)?;
+        let tensor = TensorRef::from_array_view((input.shape(), &input.values[..])).map_err(one_line)?;
         // A session has no state that a panic of another thread could have left half done.
         let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
-        let outputs = session.run(ort::inputs![tensor]).map_err(text)?;
+        let outputs = session.run(ort::inputs![tensor]).map_err(one_line)?;
         let (_, output) = outputs.iter().next().ok_or("it gave no output")?;
-        let (shape, values) = output.try_extract_tensor::<f32>().map_err(text)?;
+        let (shape, values) = output.try_extract_tensor::<f32>().map_err(one_line)?;
         // A negative size cannot be a result. As 0, the caller refuses it.
         let size = |&size: &i64| usize::try_from(size).unwrap_or(0);
         Ok((shape.iter().map(size).collect(), values.to_vec()))
@@ -74,14 +74,17 @@ fn outlet(outlet: &value::Outlet) -> Outlet {
 /// The reason why tract is to be used instead.
 pub(crate) fn start(path: &Path) -> Result<(Environment, String), String> {
     let builder = ort::init_from(path).map_err(|error| {
-        format!("{DYLIB_VARIABLE} does not name a usable ONNX Runtime, so tract is used: {error}")
+        format!("{DYLIB_VARIABLE} does not name a usable ONNX Runtime, so tract is used: {}", one_line(error))
     })?;
     // ort allows one environment in a process and hands it to nobody but its maker. If another part of the
     // program has made it, that part keeps it. Telemetry is a default of ONNX Runtime on Windows. A library
     // must not turn it on for its users.
     let environment = builder.with_name("stylegaussian").with_telemetry(false).build().map_err(|error| {
         let path = path.display();
-        format!("ONNX Runtime ({DYLIB_VARIABLE}={path}) cannot be started here, so tract is used: {error}")
+        format!(
+            "ONNX Runtime ({DYLIB_VARIABLE}={path}) cannot be started here, so tract is used: {}",
+            one_line(error)
+        )
     })?;
     Ok((environment, format!("ONNX Runtime {}, {}", onnx_runtime_version(path), path.display())))
 }

@@ -7,7 +7,10 @@ use tract_linalg::multithread::{Executor, multithread_tract_scope};
 use tract_onnx::{prelude::*, tract_hir::infer::Factoid};
 
 use super::engine::{MAX_VALUES, Outlet, Planes, Signature};
-use crate::{guard::guarded, image::PROBE_SIDE};
+use crate::{
+    guard::{guarded, one_line},
+    image::PROBE_SIDE,
+};
 
 /// tract's version, for people. A test compares it with the workspace's manifest.
 pub(crate) const VERSION: &str = "0.23";
@@ -133,8 +136,8 @@ fn outlet(fact: &TypedFact) -> Outlet {
 
 /// tract's error with its causes, without the zero bytes that names in a damaged file may bring into it.
 fn text(error: TractError) -> String {
-    // `{:#}` prints the whole chain of causes in one line.
-    format!("{error:#}").replace('\0', "")
+    // `{:#}` prints the whole chain of causes.
+    one_line(format_args!("{error:#}")).replace('\0', "")
 }
 
 /// Turns a panic of `work` into an error.

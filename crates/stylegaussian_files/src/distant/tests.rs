@@ -43,6 +43,31 @@ fn an_offset_is_for_scenes_that_f32_would_round() {
 }
 
 #[test]
+fn positions_that_f32_has_rounded_are_told() {
+    let of = |samples: Vec<Sample>| {
+        let scales = samples.iter().map(|&(_, size)| Vec3::splat(size as f32)).collect();
+        let means = samples.iter().map(|(position, _)| position.as_vec3()).collect();
+        rounded(&Scene { means, scales, ..Scene::default() })
+    };
+    let told = of(square(UTM, 0.45, 0.02)).unwrap();
+    assert!(told.contains("rounded to 5.0e-1, the steps of f32 at 4.6e6 from the origin"), "{told}");
+    assert!(of(square(UTM, 2e4, 0.5)).is_some());
+    // Gaussians on both sides of the Earth have no offset in common.
+    let two = [square(UTM, 0.45, 0.02), square(-UTM, 0.45, 0.02)].concat();
+    assert_eq!(offset(&two, None), DVec3::ZERO);
+    assert!(of(two).is_some());
+    // A country of houses, a toy in a room, a statue across a town, and a few Gaussians.
+    for fine in [
+        square(UTM, 5e4, 10.0),
+        square(DVec3::new(40.0, 1.0, -3.0), 0.2, 0.002),
+        square(DVec3::splat(1000.0), 5.0, 0.01),
+        square(UTM, 0.45, 0.02).split_off(90),
+    ] {
+        assert_eq!(of(fine), None);
+    }
+}
+
+#[test]
 fn strays_neither_cause_nor_prevent_an_offset() {
     let utm = DVec3::new(651_234.0, 4_649_776.0, 123.0);
     let mut samples = square(utm, 0.45, 0.02);
@@ -123,6 +148,17 @@ fn doubles_of_a_ply_keep_their_places() {
     let rounded: Vec<Vec3> = square(corner, 0.45, 0.02).iter().map(|(at, _)| at.as_vec3()).collect();
     assert_eq!((near.offset, &near.means), (DVec3::ZERO, &rounded));
     assert_eq!(scene_from_bytes(&ascii(corner, "float"), "a.ply").unwrap().scene.means, rounded);
+}
+
+#[test]
+fn floats_of_a_ply_that_are_far_away_get_one_warning() {
+    let near = scene_from_bytes(&ply(UTM, ""), "a.ply").unwrap().scene;
+    let means = near.means.iter().map(|mean| (near.offset + mean.as_dvec3()).as_vec3()).collect();
+    let far = Scene { means, offset: DVec3::ZERO, ..near };
+    for name in ["a.ply", "a.sgs", "a.splat"] {
+        let warnings = scene_from_bytes(&scene_to_bytes(name, &far).unwrap(), name).unwrap().warnings;
+        assert!(warnings.len() == 1 && warnings[0].starts_with("positions are rounded"), "{warnings:?}");
+    }
 }
 
 #[test]

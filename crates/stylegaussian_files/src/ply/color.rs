@@ -19,7 +19,7 @@ pub(super) const BYTE: f32 = 255.0;
 const WORD: f32 = 65_535.0;
 
 /// Channels above this are no display colors of 0..1, which reach a little beyond 1 at most.
-const MOST_OF_ONE: f32 = 2.0;
+pub(super) const MOST_OF_ONE: f32 = 2.0;
 
 /// A share of this many Gaussians may have a channel beyond what a range of colors holds: strays.
 const STRAYS: usize = 100;

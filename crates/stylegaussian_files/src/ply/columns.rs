@@ -60,20 +60,24 @@ impl Rows<'_> {
     }
 
     /// Takes the whole numbers in `columns` for the bits of half floats, if that makes sense: next to none is
-    /// NaN or beyond `range`, and most of those that are not 0 are normal numbers. Whole numbers of any use
-    /// fail in one or the other: small ones are the bits of numbers below 6e-5, and of all 65,536 words one in
-    /// 32 is no number.
-    pub(super) fn take_for_halves(&mut self, columns: &[usize], range: RangeInclusive<f32>) -> bool {
+    /// NaN or beyond the column's `range`, and most of those that are not 0 have a size of `least` or more.
+    pub(super) fn take_for_halves(
+        &mut self,
+        columns: &[usize],
+        range: impl Fn(usize) -> RangeInclusive<f32>,
+        least: f32,
+    ) -> bool {
         let makes_sense = |&column: &usize| {
             let (mut n_wild, mut n_normal, mut n_tiny) = (0, 0, 0);
+            let range = range(column);
             for i in 0..self.n_rows {
                 let [value] = self.array(i, column);
-                let value = f16::from_f32(half_of(value));
-                if !range.contains(&value.to_f32()) {
+                let value = half_of(value);
+                if !range.contains(&value) {
                     n_wild += 1;
-                } else if value.is_normal() {
+                } else if value.abs() >= least {
                     n_normal += 1;
-                } else if value != f16::ZERO {
+                } else if value != 0.0 {
                     n_tiny += 1;
                 }
             }
@@ -84,6 +88,31 @@ impl Rows<'_> {
             self.halves.extend(columns);
         }
         make_sense
+    }
+
+    /// Whether most numbers make no sense, and would in the other byte order.
+    fn are_swapped(&self) -> bool {
+        /// Most rows that are looked at. Chance plays no part in as many.
+        const N: usize = 1 << 10;
+        /// The largest number that makes sense, and one over the least. With the bytes the wrong way around,
+        /// the exponent of a float is its last bits: of 256 exponents, 80 lie within.
+        const MOST: f64 = (1_u64 << 40) as f64;
+        let makes_sense = |number: f64| (MOST.recip()..=MOST).contains(&number.abs());
+        let (mut n, mut n_as_said, mut n_swapped) = (0_usize, 0, 0);
+        for i in (0..self.n_rows).step_by(self.n_rows.div_ceil(N).max(1)) {
+            let row = &self.bytes[self.start + i * self.stride..][..self.stride];
+            for (at, scalar) in &self.fields {
+                let number = |is_big_endian| wide_number(&row[*at..], scalar, is_big_endian);
+                let as_said = number(self.is_big_endian);
+                // 0 is the same in both.
+                if matches!(scalar, ScalarType::Float | ScalarType::Double) && as_said != 0.0 {
+                    n += 1;
+                    n_as_said += usize::from(makes_sense(as_said));
+                    n_swapped += usize::from(makes_sense(number(!self.is_big_endian)));
+                }
+            }
+        }
+        2 * n_as_said < n && 10 * n_swapped > 9 * n
     }
 
     /// The numbers of row `i` from column `first` on.
@@ -193,7 +222,15 @@ pub(super) fn read_columns<'a>(
         let are_plain =
             !is_big_endian && fields.iter().all(|(_, scalar)| matches!(scalar, ScalarType::Float));
         let halves = Vec::new();
-        return Ok(Rows { bytes: file, start, stride, fields, is_big_endian, are_plain, halves, n_rows });
+        let rows = Rows { bytes: file, start, stride, fields, is_big_endian, are_plain, halves, n_rows };
+        if rows.are_swapped() {
+            let (said, found) = if is_big_endian { ("big", "little") } else { ("little", "big") };
+            return Err(mismatch(
+                format_args!("numbers of `{wanted}` that make sense in {found} endian alone"),
+                format_args!("{said} endian, as the header says"),
+            ));
+        }
+        return Ok(rows);
     }
     let (fields, stride) = walked_fields(header, wanted, names);
     let payload = &file[header.payload..];

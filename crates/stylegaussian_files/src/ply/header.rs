@@ -12,7 +12,10 @@ use ply_rs::{
 use stylegaussian::scene::ScreenFilter;
 
 use super::writers;
-use crate::error::{Mismatch, bytes_in_words, mismatch};
+use crate::{
+    error::{Mismatch, bytes_in_words, mismatch},
+    json::without_mark,
+};
 
 /// Most bytes of a header. Longer ones belong to files of other kinds, which are not searched to their end.
 const LONGEST: usize = 1 << 20;
@@ -156,7 +159,7 @@ pub(super) fn size_of_scalar(scalar: &ScalarType) -> usize {
 /// The header as text up to and including `end_header`, with uniform line ends, and the payload.
 fn split(bytes: &[u8]) -> Result<(String, &[u8]), Mismatch> {
     let mut text = String::new();
-    let mut rest = &bytes[..bytes.len()];
+    let mut rest = without_mark(bytes);
     while bytes.len() - rest.len() <= LONGEST {
         let Some(end) = rest.iter().position(|&byte| byte == b'\n') else { break };
         // Comments may be in any encoding; nothing else needs more than ascii.

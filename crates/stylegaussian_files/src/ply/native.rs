@@ -1,6 +1,8 @@
 //! The layout of the 3DGS reference implementation: one vertex per Gaussian, before the activations. And its
 //! dialects, which have fewer properties or more.
 
+use std::f32::consts::LN_2;
+
 use glam::{DVec3, Vec3};
 use ply_rs::ply::{ElementDef, Encoding, PropertyType, ScalarType};
 use rayon::prelude::*;
@@ -11,13 +13,13 @@ use stylegaussian::{
 };
 
 use super::{
-    color::{BYTE, Color, Stored, spherical_harmonics},
+    color::{BYTE, Color, MOST_OF_ONE, Stored, spherical_harmonics},
     columns::{Rows, check_end, read_columns},
     distant,
     header::Header,
 };
 use crate::{
-    activate::{StoredGaussians, activate},
+    activate::{StoredGaussians, activate, drop_if},
     error::{Loaded, Mismatch, mismatch},
 };
 
@@ -81,11 +83,17 @@ pub(super) fn read(header: &Header, bytes: Vec<u8>, work: &Work) -> Result<Loade
         stored.means = means;
     }
     warnings.extend(activated_hints(&stored));
-    let filter = filter.map(|column| widths(&rows, column, &mut stored));
+    let filter = filter.map(|column| widths(&rows, column));
     drop(rows);
     work.at(0.9)?;
     let mut scene = Scene { offset: offset.unwrap_or(DVec3::ZERO), ..activate(stored, &mut warnings) };
-    filter.iter().for_each(|widths| widen(&mut scene, widths));
+    if let Some(widths) = filter {
+        let fault = |scene: &Scene, i: usize| {
+            (!widths[scene.order[i] as usize].is_finite()).then_some("a filter_3D that is not finite")
+        };
+        scene = drop_if(scene, fault, &mut warnings);
+        widen(&mut scene, &widths);
+    }
     Ok(Loaded::new(scene, warnings))
 }
 
@@ -130,9 +138,20 @@ pub(super) fn log_scales(rows: &Rows, i: usize, n_scales: usize) -> Vec3 {
     Vec3::from_array(scales)
 }
 
+/// The largest opacities, sizes, rotations and coefficients that make sense, before the activations. Of all
+/// 65,536 words, three in ten are the bits of larger numbers or of none.
+const MOST_OF_HALVES: f32 = 128.0;
+
+/// The least normal number of half floats. Small whole numbers are the bits of smaller ones.
+const LEAST_OF_HALVES: f32 = 1.0 / 16_384.0;
+
+/// The brightness that most colors have if all properties of 16 bits are colors, and half floats of 0 to 1. As
+/// whole numbers, the same words would make a scene without contrast: most of 14 to 25 % of full brightness,
+/// and none brighter.
+const LEAST_OF_COLORS: f32 = 1.0 / 64.0;
+
 /// Decodes half floats in properties of 16 bits, which PLY has no type for. Whole numbers stay what they are if
-/// their bits make no sense as half floats. Colors, which are whole numbers in other files, are half floats
-/// only beside others.
+/// their bits make no sense as half floats.
 ///
 /// # Errors
 /// If they are no half floats, and are opacities or sizes: before their activations these are no whole numbers.
@@ -155,20 +174,28 @@ fn decode_halves(
     };
     let (colors, mut columns): (Vec<usize>, Vec<usize>) =
         (0..names.len()).filter(|&i| is_short(&names[i])).partition(|&i| is_color(&names[i]));
-    if columns.is_empty() {
-        return Ok(());
-    }
     let listed = |columns: &[usize]| {
         let listed: Vec<&str> = columns.iter().take(14).map(|&i| names[i].as_str()).collect();
         listed.join(" ") + if columns.len() > listed.len() { " .." } else { "" }
     };
-    if rows.take_for_halves(&columns, f32::MIN..=f32::MAX) {
+    let are_colors_alone = columns.is_empty();
+    let range = |column: usize| match column {
+        ..OPACITY => f32::MIN..=f32::MAX,
+        _ => -MOST_OF_HALVES..=MOST_OF_HALVES,
+    };
+    if are_colors_alone || rows.take_for_halves(&columns, range, LEAST_OF_HALVES) {
         // Bright colors of 16 bits are the bits of numbers below 0.
-        if colors.len() == 3 && rows.take_for_halves(&colors, 0.0..=BYTE) {
+        let (most, least) = match are_colors_alone {
+            true => (MOST_OF_ONE, LEAST_OF_COLORS),
+            false => (BYTE, LEAST_OF_HALVES),
+        };
+        if colors.len() == 3 && rows.take_for_halves(&colors, |_| 0.0..=most, least) {
             *color = Color::Rgb(Stored::Float);
             columns.extend(colors);
         }
-        warnings.push(format!("properties of 16 bits ({}) are read as half floats", listed(&columns)));
+        if !columns.is_empty() {
+            warnings.push(format!("properties of 16 bits ({}) are read as half floats", listed(&columns)));
+        }
         return Ok(());
     }
     let listed = listed(&columns);
@@ -218,6 +245,10 @@ const FEWEST_FOR_HINTS: usize = 16;
 /// hundredth and less.
 const LARGE_SHARE: f32 = 0.1;
 
+/// The opacity before the sigmoid from which on f32 rounds the one after it to 1: exp(-x) is 2^-25. Trained
+/// ones are smaller, since nothing draws them there; of bytes of opacities, most are larger.
+const OPAQUE: f32 = 25.0 * LN_2;
+
 /// Warnings of values that look as if the activations had been applied already.
 fn activated_hints(stored: &StoredGaussians) -> Vec<String> {
     let n = stored.means.len();
@@ -225,19 +256,21 @@ fn activated_hints(stored: &StoredGaussians) -> Vec<String> {
     if n < FEWEST_FOR_HINTS {
         return hints;
     }
+    let middle = |mut values: Vec<f32>| *values.select_nth_unstable_by(n / 2, f32::total_cmp).1;
     let logits = &stored.opacity_logits;
-    let is_share = |value: &f32| (0.0..=1.0).contains(value);
+    let are_within = |most: &f32| logits.iter().all(|value| (0.0..=*most).contains(value));
     // Of a scene whose opacities are all the same, any value is as likely.
-    if logits.iter().all(is_share) && logits.iter().any(|value| *value != logits[0]) {
-        hints.push(
-            "all opacities are 0 to 1: they look like opacities, and are read as what comes before the \
+    if let Some(most) = [1.0, BYTE].into_iter().find(are_within)
+        && logits.iter().any(|value| *value != logits[0])
+        && (most == 1.0 || middle(logits.clone()) > OPAQUE)
+    {
+        hints.push(format!(
+            "all opacities are 0 to {most}: they look like opacities, and are read as what comes before the \
              sigmoid, as 3DGS stores them"
-                .into(),
-        );
+        ));
     }
     let is_size = |scales: &Vec3| scales.x >= 0.0 && scales.y >= 0.0 && (scales.z >= 0.0 || is_flat(scales));
     if stored.log_scales.iter().all(is_size) {
-        let middle = |mut values: Vec<f32>| *values.select_nth_unstable_by(n / 2, f32::total_cmp).1;
         let center = Vec3::from_array(
             [0, 1, 2].map(|axis| middle(stored.means.iter().map(|mean| mean[axis]).collect())),
         );
@@ -259,15 +292,9 @@ fn is_flat(log_scales: &Vec3) -> bool {
     log_scales.z == f32::NEG_INFINITY
 }
 
-/// The widths of the 3D filter `[N]`. A Gaussian whose width is no number is no Gaussian either.
-fn widths(rows: &Rows, column: usize, stored: &mut StoredGaussians) -> Vec<f32> {
-    let widths: Vec<f32> = (0..rows.n_rows()).map(|i| rows.array::<1>(i, column)[0]).collect();
-    for (mean, width) in stored.means.iter_mut().zip(&widths) {
-        if !width.is_finite() {
-            *mean = Vec3::NAN;
-        }
-    }
-    widths
+/// The widths of the 3D filter `[N]`.
+fn widths(rows: &Rows, column: usize) -> Vec<f32> {
+    (0..rows.n_rows()).map(|i| rows.array::<1>(i, column)[0]).collect()
 }
 
 /// Applies the 3D filter (Yu et al. 2024, section 4.1; `get_scaling_with_3D_filter` and

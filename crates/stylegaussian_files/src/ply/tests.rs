@@ -131,6 +131,17 @@ fn all_encodings_and_line_ends() {
     }
 }
 
+/// Of a program that took the file for text.
+#[test]
+fn a_byte_order_mark_is_no_content() {
+    for format in ALL {
+        let marked = [&b"\xEF\xBB\xBF"[..], &plain(&properties(), format)[..]].concat();
+        check_two(&marked);
+        assert_eq!(crate::scene_from_bytes(&marked, "marked").unwrap().format, FORMAT.name);
+        assert_eq!(rows(&marked).is_some(), format != Format::Ascii);
+    }
+}
+
 #[test]
 fn any_order_types_and_additional_properties() {
     for format in ALL {

@@ -96,8 +96,12 @@ pub(super) fn read_largest(sparse: &Path, offset: DVec3) -> Result<Option<Camera
         return Ok(None);
     };
     let mut set = read(model, offset)?;
+    let which = match counts.iter().filter(|count| *count == most).count() {
+        1 => "which has the most images",
+        _ => "the first of those with the most images",
+    };
     set.warnings.push(format!(
-        "{}: found {} COLMAP models, took {}, which has the most images: {most} of {}",
+        "{}: found {} COLMAP models, took {}, {which}: {most} of {}",
         sparse.display(),
         models.len(),
         model.file_name().unwrap_or_default().display(),

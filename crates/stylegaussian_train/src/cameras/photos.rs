@@ -80,7 +80,7 @@ fn by_end(folders: &[PathBuf], name: &str) -> Option<PathBuf> {
     .find_map(existing)
 }
 
-/// `path` as it is or with an image's extension, if such a file exists.
+/// `path` as it is, with its extension in the other case, or with an image's extension, if such a file exists.
 fn existing(path: PathBuf) -> Option<PathBuf> {
     if path.is_file() {
         return Some(path);
@@ -91,6 +91,10 @@ fn existing(path: PathBuf) -> Option<PathBuf> {
         path.push(extension);
         PathBuf::from(path)
     };
+    // Systems on which cases are the same let names of both pass.
+    let in_case = |case: fn(&str) -> String| Some(path.with_extension(case(path.extension()?.to_str()?)));
+    let cases: [fn(&str) -> String; 2] = [str::to_lowercase, str::to_uppercase];
     let upper = extensions().map(str::to_uppercase);
-    extensions().map(str::to_owned).chain(upper).map(extended).find(|path| path.is_file())
+    let extended = extensions().map(str::to_owned).chain(upper).map(extended);
+    cases.into_iter().filter_map(in_case).chain(extended).find(|path| path.is_file())
 }

@@ -48,6 +48,9 @@ impl PosedCamera {
     pub fn require_photo(&self) -> Result<&Path, CamerasError> {
         match &self.photo {
             Some(path) if path.is_file() => Ok(path),
+            Some(path) if path.is_dir() => {
+                Err(CamerasError::PhotoIsFolder { camera: self.name.clone(), photo: path.clone() })
+            }
             Some(path) => Err(CamerasError::NoPhoto { camera: self.name.clone(), photo: path.clone() }),
             None => Err(CamerasError::NoPhotoName { camera: self.name.clone() }),
         }
@@ -118,8 +121,11 @@ pub enum CamerasError {
         /// The system's error.
         source: io::Error,
     },
-    /// The JSON is malformed, or lacks a field that the format requires.
-    #[error("{path}: {source}", path = .path.display())]
+    /// The JSON is malformed.
+    #[error(
+        "{path}: found a fault in the JSON ({source}), expected JSON, which has no NaN, Infinity or comments",
+        path = .path.display()
+    )]
     Json {
         /// The file.
         path: PathBuf,
@@ -129,7 +135,8 @@ pub enum CamerasError {
     /// The file or folder has no known format.
     #[error(
         "{path}: found no cameras, expected transforms.json, transforms_train.json, 3DGS cameras.json, or a \
-         COLMAP model (cameras and images, .txt or .bin, here, in 0, in sparse/0 or in colmap/sparse/0)",
+         COLMAP model (cameras and images, .txt or .bin, here, in 0, in sparse/0, in colmap/sparse/0 or in \
+         dense/0/sparse)",
         path = .path.display()
     )]
     Unrecognized {
@@ -151,6 +158,14 @@ pub enum CamerasError {
     /// The photo that a camera names does not exist.
     #[error("camera {camera}: the photo {photo} does not exist", photo = .photo.display())]
     NoPhoto {
+        /// The camera's name.
+        camera: String,
+        /// The path at which the photo should be.
+        photo: PathBuf,
+    },
+    /// A folder has the name of the photo that a camera names.
+    #[error("camera {camera}: the photo {photo} is a folder", photo = .photo.display())]
+    PhotoIsFolder {
         /// The camera's name.
         camera: String,
         /// The path at which the photo should be.

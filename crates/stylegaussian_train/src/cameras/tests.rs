@@ -125,8 +125,14 @@ fn what_transforms_json_must_not_say() {
         (r#""w": 40"#, r#""ftheta_p0": 0, "w": 40"#, &["ftheta_p0", "pinhole"]),
         (r#""w": 40"#, r#""latlong": true, "w": 40"#, &["latlong", "pinhole"]),
         (r#""w": 40"#, r#""equirectangular": true, "w": 40"#, &["equirectangular", "pinhole"]),
-        ("frames", "phrames", &["frames"]),
-        ("[{", "[{}, {", &["transform_matrix"]),
+        (r#""w": 40"#, r#""w": "40""#, &["frame 0 (images/a.png)", "w \"40\"", "a number"]),
+        (r#""cx": 21"#, r#""cx": [21]"#, &["frame 0", "cx [21]", "a number"]),
+        (r#""transform"#, r#""k1": "0", "transform"#, &["frame 0", "k1 \"0\"", "a number"]),
+        (r#""w": 40"#, r#""camera_model": 4, "w": 40"#, &["camera model 4", "pinhole"]),
+        (OPENGL_POSE, "[[null, 0, -1, 1], [-1, 0, 0, 2], [0, 1, 0, 3]]", &["frame 0", "[[null,0,", "4 rows"]),
+        (OPENGL_POSE, "[[NaN, 0, -1, 1]]", &["has no NaN"]),
+        ("frames", "phrames", &["frames: found none"]),
+        ("[{", "[{}, {", &["frame 0 (0)", "no transform_matrix"]),
     ] {
         assert!(good.contains(from), "{from}");
         let folder = folder(&[("transforms.json", good.replacen(from, to, 1).as_bytes())]);
@@ -134,6 +140,22 @@ fn what_transforms_json_must_not_say() {
     }
     let folder = folder(&[("transforms.json", br#"{"frames": []}"#)]);
     check_error(folder.path(), &["none", "at least one"]);
+}
+
+#[test]
+fn angles_of_view_are_radians() {
+    for (key, angle) in [("x", "65.2"), ("y", "65.2"), ("x", "3.1416"), ("x", "0"), ("y", "-1")] {
+        let length = format!(r#""fl_{key}": {},"#, if key == "x" { 20 } else { 10 });
+        let lens = LENS.replace(&length, &format!(r#""camera_angle_{key}": {angle}, "#));
+        assert_ne!(lens, LENS);
+        let folder = folder(&[("transforms.json", transforms(&lens, "").as_bytes())]);
+        let found = format!("camera_angle_{key} {angle}");
+        check_error(folder.path(), &["transforms.json", "frame 0", &found, "radians, above 0 and below pi"]);
+    }
+    // It does not matter beside a focal length.
+    let lens = format!(r#"{LENS} "camera_angle_x": 65.2, "#);
+    let folder = folder(&[("transforms.json", transforms(&lens, "").as_bytes())]);
+    check_fixture(&read_cameras(folder.path()).unwrap().cameras[0].camera, Vec2::new(21.0, 14.0));
 }
 
 /// instant-ngp's converter writes the key for every lens.
@@ -172,7 +194,7 @@ fn cameras_json_of_3dgs_trainers() {
     assert_eq!(set.cameras[0].require_photo().unwrap(), folder.path().join("images/a.JPG"));
     let broken = String::from_utf8_lossy(json).replace("fx", "f");
     fs::write(folder.path().join("cameras.json"), broken).unwrap();
-    check_error(folder.path(), &["cameras.json", "fx"]);
+    check_error(folder.path(), &["cameras.json", "camera 0", "missing field `fx`"]);
 }
 
 /// View from world of the fixture: rows right (0, -1, 0), down (0, 0, -1), forward (1, 0, 0), that is the

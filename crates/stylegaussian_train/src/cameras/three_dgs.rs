@@ -8,8 +8,11 @@ use serde_json::Value;
 
 use super::{
     photos::photo_paths,
-    posed::{CameraSet, CamerasError, Intrinsics, PosedCamera, picture_size, rigid},
+    posed::{CameraSet, CamerasError, Intrinsics, PosedCamera, invalid, picture_size, rigid},
 };
+
+/// Expected of each camera.
+const EXPECTED: &str = "img_name, numbers width, height, fx and fy, a position of 3 and a rotation of 3 x 3";
 
 #[derive(Deserialize)]
 struct Entry {
@@ -28,9 +31,12 @@ struct Entry {
 
 /// Reads the parsed file at `path`. Photos are expected in `images` beside it. The format has no principal
 /// point, so the picture's middle is used. Cameras count from `offset`.
-pub(super) fn read(path: &Path, json: Value, offset: DVec3) -> Result<CameraSet, CamerasError> {
-    let entries: Vec<Entry> =
-        serde_json::from_value(json).map_err(|source| CamerasError::Json { path: path.into(), source })?;
+pub(super) fn read(path: &Path, cameras: &[Value], offset: DVec3) -> Result<CameraSet, CamerasError> {
+    let entry = |(i, value): (usize, &Value)| {
+        let wrong = |error: serde_json::Error| invalid(path, &format!("camera {i}"), error, EXPECTED);
+        Entry::deserialize(value).map_err(wrong)
+    };
+    let entries = cameras.iter().enumerate().map(entry).collect::<Result<Vec<Entry>, CamerasError>>()?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let names: Vec<&str> = entries.iter().map(|entry| entry.img_name.as_str()).collect();
     let photos = photo_paths(&[folder.join("images"), folder.into()], &names);

@@ -1,6 +1,6 @@
 //! transforms.json of instant-ngp, Nerfstudio and the synthetic NeRF scenes: OpenGL camera-to-world poses.
 
-use std::path::Path;
+use std::{f64::consts::PI, path::Path};
 
 use glam::{DAffine3, DMat3, DVec2, DVec3, UVec2};
 use serde::Deserialize;
@@ -13,49 +13,6 @@ use super::{
     posed::{CameraOptions, CameraSet, CamerasError, Intrinsics, PosedCamera, invalid, picture_size, rigid},
 };
 
-/// The fields of the file that are used.
-#[derive(Deserialize)]
-struct Transforms {
-    #[serde(flatten)]
-    lens: Lens,
-    frames: Vec<Frame>,
-}
-
-#[derive(Deserialize)]
-struct Frame {
-    #[serde(flatten)]
-    lens: Lens,
-    file_path: Option<String>,
-    transform_matrix: Vec<Vec<f64>>,
-}
-
-/// Intrinsics of the file or of a frame. If both have a number, the frame's is used.
-#[derive(Clone, Default, Deserialize)]
-struct Lens {
-    camera_model: Option<String>,
-    w: Option<f64>,
-    h: Option<f64>,
-    fl_x: Option<f64>,
-    fl_y: Option<f64>,
-    cx: Option<f64>,
-    cy: Option<f64>,
-    /// Full horizontal angle of view, in radians.
-    camera_angle_x: Option<f64>,
-    /// Full vertical angle of view, in radians.
-    camera_angle_y: Option<f64>,
-    k1: Option<f64>,
-    k2: Option<f64>,
-    k3: Option<f64>,
-    k4: Option<f64>,
-    p1: Option<f64>,
-    p2: Option<f64>,
-    /// instant-ngp's lenses that are no pinholes. It has no model's name, and k1 to k4 are the fisheye's.
-    is_fisheye: Option<Value>,
-    ftheta_p0: Option<Value>,
-    latlong: Option<Value>,
-    equirectangular: Option<Value>,
-}
-
 /// Expected of a lens.
 const A_PINHOLE: &str = "a pinhole camera (undistort the photos first)";
 
@@ -64,33 +21,36 @@ const MODELS: [&str; 5] = ["PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL
 
 /// Reads the parsed file at `path`. Photos are named relative to its folder. Cameras that have neither a size
 /// nor a photo get the size of the options.
-pub(super) fn read(path: &Path, json: Value, options: CameraOptions) -> Result<CameraSet, CamerasError> {
-    let file: Transforms =
-        serde_json::from_value(json).map_err(|source| CamerasError::Json { path: path.into(), source })?;
+pub(super) fn read(path: &Path, file: &Value, options: CameraOptions) -> Result<CameraSet, CamerasError> {
+    let Some(frames) = file.get("frames").and_then(Value::as_array) else {
+        let found = if file.get("frames").is_some() { "no list" } else { "none" };
+        return Err(invalid(path, "frames", found, "a list of cameras"));
+    };
     let folder = path.parent().unwrap_or(Path::new(""));
-    let names: Vec<&str> = file.frames.iter().filter_map(|frame| frame.file_path.as_deref()).collect();
+    let names: Vec<&str> = frames.iter().filter_map(file_path).collect();
     let mut photos = photo_paths(&[folder.into(), folder.join("images")], &names).into_iter();
     let mut n_without_size = 0;
     let mut cameras = Vec::new();
-    for (i, frame) in file.frames.iter().enumerate() {
-        let name = frame.file_path.clone().unwrap_or_else(|| i.to_string());
-        let what = format!("frame {i} ({name})");
-        let lens = frame.lens.or(&file.lens);
-        lens.expect_pinhole(path, &what)?;
-        let photo = frame.file_path.as_ref().and_then(|_| photos.next());
-        let pose = pose(&frame.transform_matrix, path, &what)?;
-        let own_size = lens.size(photo.as_deref(), path, &what);
-        let pixels = match (own_size, options.size) {
-            // A size that is no whole number of pixels stays an error.
-            (Err(_), Some(size)) if lens.w.is_none() || lens.h.is_none() => {
-                n_without_size += 1;
-                size
-            }
-            (own_size, _) => own_size?,
+    for (i, frame) in frames.iter().enumerate() {
+        let photo = file_path(frame).and_then(|_| photos.next());
+        let name = file_path(frame).map_or_else(|| i.to_string(), Into::into);
+        let what = &*format!("frame {i} ({name})");
+        let lens = Lens { frame, file, path, what };
+        lens.expect_pinhole()?;
+        let pose = pose(frame.get("transform_matrix"), path, what)?;
+        let pixels = match (lens.size()?, options.size) {
+            (Some(size), _) => size,
+            (None, given) => match (lens.size_of(photo.as_deref()), given) {
+                (Err(_), Some(size)) => {
+                    n_without_size += 1;
+                    size
+                }
+                (size, _) => size?,
+            },
         };
-        let intrinsics = lens.intrinsics(pixels, path, &what)?;
-        let camera = intrinsics.camera(pose, options.offset, path, &what)?;
-        cameras.push(PosedCamera { name, camera, photo, distortion: lens.distortion(intrinsics) });
+        let intrinsics = lens.intrinsics(pixels)?;
+        let camera = intrinsics.camera(pose, options.offset, path, what)?;
+        cameras.push(PosedCamera { name, camera, photo, distortion: lens.distortion(intrinsics)? });
     }
     let mut warnings = Vec::new();
     if let Some(size) = options.size.filter(|_| n_without_size > 0) {
@@ -104,17 +64,25 @@ pub(super) fn read(path: &Path, json: Value, options: CameraOptions) -> Result<C
     Ok(CameraSet { cameras, warnings })
 }
 
+/// The name of a frame's photo.
+fn file_path(frame: &Value) -> Option<&str> {
+    frame.get("file_path")?.as_str()
+}
+
 /// The view from the world, from a camera-to-world matrix in OpenGL axes.
-fn pose(rows: &[Vec<f64>], path: &Path, what: &str) -> Result<DAffine3, CamerasError> {
-    let is_affine = match rows {
+fn pose(matrix: Option<&Value>, path: &Path, what: &str) -> Result<DAffine3, CamerasError> {
+    const EXPECTED: &str = "4 rows of 4 numbers, the last row 0 0 0 1";
+    let Some(matrix) = matrix else { return Err(invalid(path, what, "no transform_matrix", EXPECTED)) };
+    let wrong = || invalid(path, what, format!("the transform_matrix {matrix}"), EXPECTED);
+    let rows = <Vec<[f64; 4]>>::deserialize(matrix).map_err(|_| wrong())?;
+    let is_affine = match &rows[..] {
         // The last row is always 0 0 0 1, so it may be left out.
         [_, _, _] => true,
-        [_, _, _, last] => last[..] == [0.0, 0.0, 0.0, 1.0],
+        [_, _, _, last] => *last == [0.0, 0.0, 0.0, 1.0],
         _ => false,
     };
-    if !is_affine || rows.iter().any(|row| row.len() != 4) {
-        let found = format!("the matrix {rows:?}");
-        return Err(invalid(path, what, found, "4 rows of 4 numbers, the last row 0 0 0 1"));
+    if !is_affine {
+        return Err(wrong());
     }
     let row = |i: usize| DVec3::new(rows[i][0], rows[i][1], rows[i][2]);
     let rotation = DMat3::from_cols(row(0), row(1), row(2)).transpose();
@@ -125,90 +93,108 @@ fn pose(rows: &[Vec<f64>], path: &Path, what: &str) -> Result<DAffine3, CamerasE
     Ok((world_from_camera * camera_from_view).inverse())
 }
 
-impl Lens {
-    fn or(&self, global: &Self) -> Self {
-        let first = |a: Option<f64>, b: Option<f64>| a.or(b);
-        Self {
-            camera_model: self.camera_model.clone().or_else(|| global.camera_model.clone()),
-            w: first(self.w, global.w),
-            h: first(self.h, global.h),
-            fl_x: first(self.fl_x, global.fl_x),
-            fl_y: first(self.fl_y, global.fl_y),
-            cx: first(self.cx, global.cx),
-            cy: first(self.cy, global.cy),
-            camera_angle_x: first(self.camera_angle_x, global.camera_angle_x),
-            camera_angle_y: first(self.camera_angle_y, global.camera_angle_y),
-            k1: first(self.k1, global.k1),
-            k2: first(self.k2, global.k2),
-            k3: first(self.k3, global.k3),
-            k4: first(self.k4, global.k4),
-            p1: first(self.p1, global.p1),
-            p2: first(self.p2, global.p2),
-            is_fisheye: self.is_fisheye.clone().or_else(|| global.is_fisheye.clone()),
-            ftheta_p0: self.ftheta_p0.clone().or_else(|| global.ftheta_p0.clone()),
-            latlong: self.latlong.clone().or_else(|| global.latlong.clone()),
-            equirectangular: self.equirectangular.clone().or_else(|| global.equirectangular.clone()),
-        }
+/// The intrinsics of a frame.
+struct Lens<'a> {
+    frame: &'a Value,
+    /// The whole file. Its values are those of frames that have none.
+    file: &'a Value,
+    /// The file's path and the frame's name, for errors.
+    path: &'a Path,
+    what: &'a str,
+}
+
+impl Lens<'_> {
+    /// The value of a key, unless it is null.
+    fn value(&self, key: &str) -> Option<&Value> {
+        [self.frame, self.file].into_iter().find_map(|part| part.get(key).filter(|value| !value.is_null()))
+    }
+
+    fn number(&self, key: &str) -> Result<Option<f64>, CamerasError> {
+        let number = |value: &Value| {
+            value.as_f64().ok_or_else(|| self.invalid(format!("{key} {value}"), "a number without quotes"))
+        };
+        self.value(key).map(number).transpose()
+    }
+
+    fn number_or_0(&self, key: &str) -> Result<f64, CamerasError> {
+        Ok(self.number(key)?.unwrap_or(0.0))
+    }
+
+    fn invalid(&self, found: impl ToString, expected: &'static str) -> CamerasError {
+        invalid(self.path, self.what, found, expected)
     }
 
     /// Refuses lenses whose pictures are no pinholes', even if their coefficients are 0.
-    fn expect_pinhole(&self, path: &Path, what: &str) -> Result<(), CamerasError> {
-        if let Some(model) = self.camera_model.as_deref().filter(|model| !MODELS.contains(model)) {
-            return Err(invalid(path, what, format!("camera model {model}"), A_PINHOLE));
+    fn expect_pinhole(&self) -> Result<(), CamerasError> {
+        if let Some(model) = self.value("camera_model")
+            && !model.as_str().is_some_and(|model| MODELS.contains(&model))
+        {
+            let model = model.as_str().map_or_else(|| model.to_string(), Into::into);
+            return Err(self.invalid(format!("camera model {model}"), A_PINHOLE));
         }
-        let is_on = |value: &Option<Value>| match value {
-            None | Some(Value::Null | Value::Bool(false)) => false,
-            Some(Value::Number(number)) => number.as_f64() != Some(0.0),
+        // instant-ngp's lenses that are no pinholes. It has no model's name, and k1 to k4 are the fisheye's.
+        let is_on = |key: &&str| match self.value(key) {
+            None | Some(Value::Bool(false)) => false,
+            // The first of several coefficients, which may be 0.
+            Some(Value::Number(number)) => *key == "ftheta_p0" || number.as_f64() != Some(0.0),
             Some(_) => true,
         };
-        let lenses = [
-            ("is_fisheye", is_on(&self.is_fisheye)),
-            // A coefficient, which may be 0.
-            ("ftheta_p0", self.ftheta_p0.is_some()),
-            ("latlong", is_on(&self.latlong)),
-            ("equirectangular", is_on(&self.equirectangular)),
-        ];
-        match lenses.into_iter().find(|(_, is_on)| *is_on) {
-            Some((name, _)) => Err(invalid(path, what, format!("a lens with {name}"), A_PINHOLE)),
+        match ["is_fisheye", "ftheta_p0", "latlong", "equirectangular"].into_iter().find(is_on) {
+            Some(key) => Err(self.invalid(format!("a lens with {key}"), A_PINHOLE)),
             None => Ok(()),
         }
     }
 
-    fn distortion(&self, Intrinsics { focal, center, size }: Intrinsics) -> Option<Distortion> {
-        let or_0 = |k: Option<f64>| k.unwrap_or(0.0);
-        let radial = [self.k1, self.k2, self.k3, self.k4].map(or_0);
-        let tangential = [self.p1, self.p2].map(or_0);
+    fn distortion(
+        &self,
+        Intrinsics { focal, center, size }: Intrinsics,
+    ) -> Result<Option<Distortion>, CamerasError> {
+        let k = |key| self.number_or_0(key);
+        let radial = [k("k1")?, k("k2")?, k("k3")?, k("k4")?];
+        let tangential = [k("p1")?, k("p2")?];
         let lens = Distortion { focal, center, size, radial, rational: [0.0; 3], tangential };
-        lens.is_any().then_some(lens)
+        Ok(lens.is_any().then_some(lens))
     }
 
-    fn intrinsics(&self, size: UVec2, path: &Path, what: &str) -> Result<Intrinsics, CamerasError> {
-        let angle_x = self.camera_angle_x.map(|angle| focal(size.x, angle));
-        let angle_y = self.camera_angle_y.map(|angle| focal(size.y, angle));
-        let Some(fl_x) = self.fl_x.or(angle_x) else {
-            return Err(invalid(path, what, "no focal length", "fl_x or camera_angle_x"));
+    fn intrinsics(&self, size: UVec2) -> Result<Intrinsics, CamerasError> {
+        let Some(fl_x) = self.focal("fl_x", "camera_angle_x", size.x)? else {
+            return Err(self.invalid("no focal length", "fl_x or camera_angle_x"));
         };
         // Square pixels, if nothing else is said.
-        let fl_y = self.fl_y.or(angle_y).unwrap_or(fl_x);
+        let fl_y = self.focal("fl_y", "camera_angle_y", size.y)?.unwrap_or(fl_x);
         let middle = size.as_dvec2() / 2.0;
-        let center = DVec2::new(self.cx.unwrap_or(middle.x), self.cy.unwrap_or(middle.y));
+        let center =
+            DVec2::new(self.number("cx")?.unwrap_or(middle.x), self.number("cy")?.unwrap_or(middle.y));
         Ok(Intrinsics { focal: DVec2::new(fl_x, fl_y), center, size })
     }
 
-    /// The stated size in pixels, or the photo's.
-    fn size(&self, photo: Option<&Path>, path: &Path, what: &str) -> Result<UVec2, CamerasError> {
-        if let (Some(w), Some(h)) = (self.w, self.h) {
-            return picture_size(w, h, path, what);
+    /// The focal length in pixels of the key `length`, or the one at which `side` pixels see the angle of view
+    /// (full, in radians) of the key `angle`.
+    fn focal(&self, length: &str, angle: &str, side: u32) -> Result<Option<f64>, CamerasError> {
+        if let Some(length) = self.number(length)? {
+            return Ok(Some(length));
         }
+        match self.number(angle)? {
+            None => Ok(None),
+            Some(full) if full > 0.0 && full < PI => Ok(Some(f64::from(side) / (2.0 * (full / 2.0).tan()))),
+            Some(full) => Err(self.invalid(format!("{angle} {full}"), "radians, above 0 and below pi")),
+        }
+    }
+
+    /// The stated size in pixels.
+    fn size(&self) -> Result<Option<UVec2>, CamerasError> {
+        match self.number("w")?.zip(self.number("h")?) {
+            Some((w, h)) => picture_size(w, h, self.path, self.what).map(Some),
+            None => Ok(None),
+        }
+    }
+
+    /// The size of the frame's photo in pixels.
+    fn size_of(&self, photo: Option<&Path>) -> Result<UVec2, CamerasError> {
         let Some(photo) = photo else {
-            return Err(invalid(path, what, "neither w and h nor a photo", "one of them"));
+            return Err(self.invalid("neither w and h nor a photo", "one of them"));
         };
         let size = Image::size(photo);
         size.map(UVec2::from).map_err(|source| CamerasError::PhotoSize { photo: photo.into(), source })
     }
-}
-
-/// The focal length in pixels at which `side` pixels see `angle` (full, in radians).
-fn focal(side: u32, angle: f64) -> f64 {
-    f64::from(side) / (2.0 * (angle / 2.0).tan())
 }

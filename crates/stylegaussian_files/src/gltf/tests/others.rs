@@ -245,9 +245,36 @@ fn compression_is_named_where_it_is_in_the_way() {
         let loaded = load(&compressed(true, 1));
         assert_eq!((loaded.scene.means[1], loaded.warnings), (Vec3::new(4.0, -5.0, -6.0), Vec::new()));
     }
-    // Other extensions that a file requires are named as before.
-    let loaded = load(&changed(|json| json["extensionsRequired"] = json!(["KHR_mesh_quantization", "X_y"])));
-    assert_eq!(loaded.warnings, ["the file requires X_y, which is not supported"]);
+}
+
+#[test]
+fn extensions_that_a_file_requires_are_refused_unless_they_change_no_gaussians() {
+    let requiring = |json: &mut Value, name: &str| {
+        json["extensionsRequired"] = json!(["KHR_mesh_quantization", name]);
+    };
+    for name in ["KHR_materials_unlit", "KHR_texture_basisu", "KHR_draco_mesh_compression"] {
+        let loaded = load(&changed(|json| requiring(json, name)));
+        assert_eq!(loaded.warnings, [format!("the file requires {name}, which is not supported")]);
+    }
+    expect_refusal(|json| requiring(json, "X_y"), "a glTF that requires X_y, which is not supported");
+    let draco = "KHR_draco_mesh_compression";
+    let compress = |json: &mut Value| {
+        requiring(json, draco);
+        json["meshes"][0]["primitives"][0]["extensions"][draco] = json!({ "bufferView": 0 });
+    };
+    expect_refusal(compress, "requires KHR_draco_mesh_compression");
+}
+
+#[test]
+fn a_center_of_the_file_is_left_out_with_a_word() {
+    let loaded = load(&changed(|json| {
+        json["extensionsRequired"] = json!(["CESIUM_RTC"]);
+        json["extensions"]["CESIUM_RTC"] = json!({ "center": [1.5, -2.0, 3.0] });
+    }));
+    let told = "left out CESIUM_RTC: positions count from its center [1.5,-2.0,3.0]";
+    let required = "the file requires CESIUM_RTC, which is not supported";
+    assert_eq!(loaded.warnings, [required, told]);
+    assert_eq!(loaded.scene.means[0], Vec3::new(1.0, -2.0, -3.0));
 }
 
 #[test]

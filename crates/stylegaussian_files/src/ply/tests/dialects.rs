@@ -138,7 +138,7 @@ fn the_filter_of_mip_splatting_widens_gaussians() {
     assert!((dropped.scene.scales[0] - 1.25).abs().max_element() < 1e-6);
     let [filter, dropped] = &dropped.warnings[..] else { panic!("{:?}", dropped.warnings) };
     assert_eq!(filter, "each Gaussian is widened, and its opacity lowered, by its filter_3D (mip-splatting)");
-    assert!(dropped.contains("dropped 1 of 2"), "{dropped}");
+    assert_eq!(dropped, "dropped 1 of 2 Gaussians: 1 with a filter_3D that is not finite");
     // Of flat Gaussians, which have no volume, a filter leaves nothing.
     let flat =
         plain(&[without(&["scale_2"]), vec![("float", "filter_3D", [0.75, 0.0])]].concat(), Format::Ascii);
@@ -176,6 +176,23 @@ fn values_after_the_activations_get_a_hint() {
         if name == "opacity" { 1.0 / (1.0 + (-value).exp()) } else { value }
     });
     assert!(opacities.len() == 1 && opacities[0].contains("look like opacities"), "{opacities:?}");
+    let bytes = warnings(&|name, row| match trained(name, row) {
+        value if name == "opacity" => (255.0 / (1.0 + (-value).exp())).round(),
+        value => value,
+    });
+    assert!(bytes.len() == 1 && bytes[0].contains("0 to 255: they look like opacities"), "{bytes:?}");
+    // A pruned scene has no faint Gaussians, and a few that are opaque.
+    let pruned = |name: &str, row: usize| match trained(name, row) {
+        value if name == "opacity" => {
+            if row % 4 == 0 {
+                20.0
+            } else {
+                value.abs()
+            }
+        }
+        value => value,
+    };
+    assert_eq!(warnings(&pruned), [""; 0]);
     // Millimeters: places and sizes are a thousand times as large.
     let large = warnings(&|name, row| match trained(name, row) {
         value if is_scale(name) => value + 1000.0_f64.ln(),
@@ -201,6 +218,22 @@ fn half_floats_in_words_are_decoded() {
     // Words that are no half floats: of all of them, one in 32 is no number.
     let noise = |name: &str, row: usize| f64::from((row * 40_503 + 977 * name.len()) as u16);
     refused(&many(400, "ushort", noise), "whole numbers of 16 bits in x y z opacity");
+    // Of opacities, words that are numbers by luck.
+    let geometry = properties();
+    let kind = |name: &str| if name == "opacity" { "ushort" } else { "float" };
+    let mut lucky = b"ply\nformat binary_little_endian 1.0\nelement vertex 40\n".to_vec();
+    geometry
+        .iter()
+        .for_each(|(_, name, _)| lucky.extend(format!("property {} {name}\n", kind(name)).bytes()));
+    lucky.extend(b"end_header\n");
+    for row in 0..40 {
+        for (_, name, _) in &geometry {
+            // Every exponent but the one of numbers that are none.
+            let value = if *name == "opacity" { ((row % 31) << 10) as f64 } else { trained(name, row) };
+            push(value, kind(name), Format::Little, &mut lucky);
+        }
+    }
+    refused(&lucky, "whole numbers of 16 bits in opacity, whose bits are no half floats");
     // Whole coordinates stay whole.
     let mut whole = with(&[("ushort", "x", [1.0, 4.0])]);
     let Loaded { scene, warnings, .. } = read(plain(&whole, Format::Little)).unwrap();
@@ -242,6 +275,53 @@ fn colors_beside_half_floats_are_half_floats() {
     assert_eq!(read_with(&|share| half(255.0 * share)), [halves(" red green blue"), to_255.clone()]);
     assert_eq!(read_with(&|share| (65_535.0 * share).round()), [halves("")]);
     assert_eq!(read_with(&|share| (255.0 * share).round()), [halves(""), to_255]);
+}
+
+/// Beside numbers of 32 bits, too.
+#[test]
+fn colors_alone_are_half_floats_if_they_would_be_dark_and_flat() {
+    let share = |i: usize| 0.1 + 0.4 * i as f64;
+    let colors = |word: &dyn Fn(f64) -> f64| {
+        let mut colored = without(&["f_dc_0", "f_dc_1", "f_dc_2"]);
+        for (i, name) in ["red", "green", "blue"].into_iter().enumerate() {
+            colored.push(("ushort", name, [word(share(i)), word(share(2 - i))]));
+        }
+        let Loaded { scene, warnings, .. } = read(plain(&colored, Format::Little)).unwrap();
+        let color = Vec3::from(scene.base_colors()[0]);
+        assert!(color.abs_diff_eq(Vec3::new(0.1, 0.5, 0.9), 2e-3), "{color}");
+        warnings
+    };
+    let halves = colors(&|share| f64::from(f16::from_f64(share).to_bits()));
+    assert_eq!(halves, ["properties of 16 bits (red green blue) are read as half floats"]);
+    assert_eq!(colors(&|share| (65_535.0 * share).round()), [""; 0]);
+}
+
+#[test]
+fn numbers_in_the_other_byte_order_are_told() {
+    for (format, order, other) in [(Format::Big, "big", "little"), (Format::Little, "little", "big")] {
+        let bytes = plain(&properties(), format);
+        let (said, lie) = (format!("binary_{order}"), format!("binary_{other}"));
+        let at = bytes.windows(said.len()).position(|part| part == said.as_bytes()).unwrap();
+        let lying = [&bytes[..at], lie.as_bytes(), &bytes[at + said.len()..]].concat();
+        refused(&lying, &format!("that make sense in {order} endian alone, expected {other} endian"));
+    }
+}
+
+/// The causes of a scene without a Gaussian.
+#[test]
+fn the_reason_is_told_if_nothing_is_left() {
+    for (property, found) in [
+        (("float", "rot_0", [0.0; 2]), "2 with a rotation that is zero or not finite"),
+        (("float", "filter_3D", [f64::NAN; 2]), "2 with a filter_3D that is not finite"),
+        (("float", "scale_1", [1e3; 2]), "2 with a size that is not finite"),
+    ] {
+        let mut all = with(&[property]);
+        if property.1 == "rot_0" {
+            all.iter_mut().filter(|other| other.1 == "rot_3").for_each(|other| other.2 = [0.0; 2]);
+        }
+        let error = crate::scene_from_bytes(&plain(&all, Format::Big), "none.ply").unwrap_err().to_string();
+        assert!(error.contains("no usable Gaussian among 2 (") && error.contains(found), "{error}");
+    }
 }
 
 #[test]

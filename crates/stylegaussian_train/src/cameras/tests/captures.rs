@@ -130,6 +130,11 @@ fn the_model_with_most_images_is_taken() {
             let part = format!("took {}, which has the most images: 4 of 5", models[1].0);
             assert!(set.warnings.len() == 1 && set.warnings[0].contains(&part), "{:?}", set.warnings);
         }
+        // Of equals, the first.
+        let set = read(&[(1, IMAGES_TXT), (2, IMAGES_TXT)], prefix);
+        check(&set);
+        let part = "took 1, the first of those with the most images: 4 of 8";
+        assert!(set.warnings.len() == 1 && set.warnings[0].contains(part), "{:?}", set.warnings);
         // A model that cannot be read is none.
         let set = read(&[(0, "1 1 0 0"), (1, IMAGES_TXT)], prefix);
         check(&set);
@@ -139,20 +144,25 @@ fn the_model_with_most_images_is_taken() {
     }
 }
 
-/// nerfstudio's folder of a capture: photos in `images`, the model in `colmap`.
+/// The folder of a capture, of nerfstudio and of COLMAP's automatic reconstruction.
 #[test]
-fn models_in_the_folder_colmap() {
-    for model in ["colmap/sparse/0", "colmap/sparse"] {
+fn models_in_the_folders_colmap_and_dense() {
+    for (model, photo) in [
+        ("colmap/sparse/0", "images/000.png"),
+        ("colmap/sparse", "images/000.png"),
+        ("dense/sparse", "dense/images/000.png"),
+        ("dense/0/sparse", "dense/0/images/000.png"),
+    ] {
         let (cameras, images) = (format!("{model}/cameras.txt"), format!("{model}/images.txt"));
         let folder = folder(&[
             (cameras.as_str(), CAMERAS_TXT.as_bytes()),
             (images.as_str(), IMAGES_TXT.as_bytes()),
-            ("images/000.png", b""),
+            (photo, b""),
         ]);
         let set = read_cameras(folder.path()).unwrap();
         check(&set);
-        let photo = set.cameras[0].require_photo().unwrap().canonicalize().unwrap();
-        assert_eq!(photo, folder.path().canonicalize().unwrap().join("images/000.png"));
+        let found = set.cameras[0].require_photo().unwrap().canonicalize().unwrap();
+        assert_eq!(found, folder.path().canonicalize().unwrap().join(photo));
     }
 }
 

@@ -36,6 +36,8 @@ fn photos_are_found_by_names_of_other_machines() {
     check(r"D:\photos\000.png", &["images/000.png"], "images/000.png");
     check(r"\\server\photos\000", &["images/000.JPG"], "images/000.JPG");
     check("/home/someone/garden/images/000.png", &["images/000.png"], "images/000.png");
+    check("images/000.PNG", &["images/000.png"], "images/000.png");
+    check(r"D:\photos\000.jpg", &["images/000.JPG"], "images/000.JPG");
     check("../garden/000.jpeg", &["images/000.jpeg"], "images/000.jpeg");
     // The longest end of the name goes before its last part.
     check(r"C:\a\left\000.png", &["000.png", "left/000.png"], "left/000.png");
@@ -65,6 +67,15 @@ fn missing_photos_are_left_out_and_counted() {
     assert_eq!(set.cameras.iter().map(|posed| posed.name.as_str()).collect::<Vec<_>>(), names[..3]);
     let [warning] = &set.warnings[..] else { panic!("{:?}", set.warnings) };
     assert!(warning.contains("1 of 4 photos") && warning.contains("images/d.png"), "{warning}");
+    // A folder is no photo.
+    let (folder, set) = read(&names, &["images/a.png", "images/b.png", "images/c.png", "images/d.png/e.png"]);
+    let set = kept(set);
+    let found = format!("{} is a folder", folder.path().join("images/d.png").display());
+    assert!(
+        set.warnings[0].contains("1 of 4 photos") && set.warnings[0].contains(&found),
+        "{:?}",
+        set.warnings
+    );
     // Half is enough, less is not.
     let (_folder, set) = read(&names, &names[2..]);
     assert_eq!(kept(set).cameras.len(), 2);
