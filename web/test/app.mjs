@@ -206,9 +206,9 @@ test("frames keep coming during a change of style", options, async () => {
     const before = drawing;
     drawing = await measured("drawing alone");
     // The GPU's part is in every frame, so it shows in the median; single frames also wait for whatever else
-    // the machine does. So do all frames, by as much as drawing alone takes before or after.
+    // the machine does. A game may see its frames take 1.3 times as long while a style changes.
     const [least, most] = [before.gap, drawing.gap].sort((a, b) => a - b);
-    const allowed = most + (most - least) + 100;
+    const allowed = 1.3 * most;
     const found = `found ${styling.gap} ms between frames, beside ${least} to ${most} for drawing`;
     assert.ok(styling.gap <= allowed, found);
   }
