@@ -9,7 +9,7 @@ use bevy::{
 
 use stylegaussian::work::Canceled;
 
-use crate::work::{for_one, short, taken};
+use crate::work::{Lane, Workers, for_one, taken};
 
 /// An asset that is parsed from the bytes of one file.
 pub(crate) trait FromFile: Asset + Sized {
@@ -60,12 +60,15 @@ pub(crate) async fn read_all(reader: &mut dyn Reader, path: &AssetPath<'_>) -> R
 
 /// Loads assets of type `A`.
 #[derive(TypePath)]
-// `fn() -> A` is `Send` and `Sync` whatever `A` is.
-pub(crate) struct FileLoader<A: TypePath>(PhantomData<fn() -> A>);
+pub(crate) struct FileLoader<A: TypePath> {
+    workers: Workers,
+    // `fn() -> A` is `Send` and `Sync` whatever `A` is.
+    asset: PhantomData<fn() -> A>,
+}
 
-impl<A: TypePath> Default for FileLoader<A> {
-    fn default() -> Self {
-        Self(PhantomData)
+impl<A: TypePath> FromWorld for FileLoader<A> {
+    fn from_world(world: &mut World) -> Self {
+        Self { workers: world.resource::<Workers>().clone(), asset: PhantomData }
     }
 }
 
@@ -80,11 +83,13 @@ impl<A: FromFile> AssetLoader for FileLoader<A> {
         _settings: &(),
         context: &mut LoadContext<'_>,
     ) -> Result<A, LoadError> {
-        // The task below must own the path: it cannot borrow the context.
+        // The computation below must own the path: it cannot borrow the context.
         let path = context.path().to_string();
         let bytes = read_all(reader, context.path()).await?;
-        // Not on the pool on which other assets wait for their files.
-        taken(short(move |_| for_one(A::from_file(bytes, &path)))).await?.map_err(LoadError::Parse)
+        // Not on the pool on which other assets wait for their files. If the last handle is dropped, Bevy drops
+        // this future, and what has not begun never does.
+        let parsing = self.workers.start(Lane::Short, move |_| for_one(A::from_file(bytes, &path)));
+        taken(parsing).await?.map_err(LoadError::Parse)
     }
 
     fn extensions(&self) -> &[&str] {

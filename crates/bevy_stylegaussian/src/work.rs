@@ -1,11 +1,10 @@
 //! Work in the background: the only place that starts any.
 //!
-//! Short work, such as compiling a pipeline or reading a look, is a task of Bevy ([`short`], [`Background`]).
-//! Long work runs on threads of our own, because Bevy's pool for computations has one
-//! thread on up to five cores, and a game's own tasks would wait behind a painting. Each [`Lane`] does one
-//! thing after another, on a few threads of low priority ([`StyleThreads`]). Dropping what [`Workers::start`]
-//! returns stops the computation. A browser has no threads: there, a worker (`browser`) lays on paint, and all
-//! else is a task on the page's only one.
+//! It runs on threads of our own, because Bevy's pool for computations has one thread on up to five cores, and a
+//! game's own tasks would wait behind a painting. Each [`Lane`] does one thing after another, on a few threads of
+//! low priority ([`StyleThreads`]). Dropping what [`Workers::start`] returns stops the computation. Pipelines
+//! alone are compiled in tasks of Bevy ([`Background::start`]). A browser has no threads: there, a worker
+//! (`browser`) lays on paint, and all else is a task on the page's only one.
 
 #[cfg(target_family = "wasm")]
 pub(crate) mod browser;
@@ -29,8 +28,8 @@ use threads::Lanes;
 /// Threads of long computations: painting, surfaces, encoding, bakes, reading scenes. Set it at any time; the
 /// next computation follows it.
 ///
-/// Each of three groups has so many threads of its own: scenes, styles, and bakes. They are started when first
-/// used. A browser has none.
+/// Each of four groups has so many threads of its own: scenes, styles, bakes, and what is shorter, such as
+/// looks. They are started when first used. A browser has none.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Clone, Debug, Default, PartialEq)]
 pub struct StyleThreads {
@@ -62,6 +61,9 @@ pub(crate) enum Lane {
     /// Bakes, which take minutes.
     #[cfg_attr(not(feature = "refine"), allow(dead_code, reason = "`StyleRefine` alone bakes"))]
     Bakes,
+    /// What takes less than a second of usual scenes and must not wait for the others: reading looks, masks and
+    /// other small files, mixing looks, moving strokes to pins, first colors.
+    Short,
 }
 
 /// Starts computations. Clones share threads.
@@ -118,15 +120,6 @@ impl<T: Send + Sync + 'static> Running<T> {
     }
 }
 
-/// Starts a computation of a few milliseconds: a task of Bevy.
-pub(crate) fn short<T: Send + Sync + 'static>(
-    compute: impl FnOnce(&Work) -> Result<T, Canceled> + Send + 'static,
-) -> Running<T> {
-    let (running, job) = Running::new(compute);
-    AsyncComputeTaskPool::get().spawn(async move { job() }).detach();
-    running
-}
-
 /// The value of a computation that ends with it: nobody else waits for it.
 pub(crate) async fn taken<T>(running: Running<Mutex<Option<T>>>) -> Result<T, Canceled> {
     match running.wait().await {
@@ -152,25 +145,21 @@ impl Workers {
         running
     }
 
-    /// As [`start`](Self::start), or a task of Bevy if there is no lane, for computations that pause: in a
-    /// browser, whose page has one thread, others run meanwhile.
+    /// As [`start`](Self::start), for computations that pause: in a browser, whose page has one thread, others
+    /// run meanwhile.
     #[cfg(not(target_family = "wasm"))]
     pub(crate) fn start_async<T: Send + Sync + 'static, F: Future<Output = Result<T, Canceled>>>(
         &self,
-        lane: Option<Lane>,
+        lane: Lane,
         compute: impl FnOnce(Work) -> F + Send + 'static,
     ) -> Running<T> {
-        let compute = |work: &Work| bevy::tasks::block_on(compute(work.clone()));
-        match lane {
-            Some(lane) => self.start(lane, compute),
-            None => short(compute),
-        }
+        self.start(lane, |work| bevy::tasks::block_on(compute(work.clone())))
     }
 
     #[cfg(target_family = "wasm")]
     pub(crate) fn start_async<T: 'static, F: Future<Output = Result<T, Canceled>> + 'static>(
         &self,
-        _: Option<Lane>,
+        _: Lane,
         compute: impl FnOnce(Work) -> F + 'static,
     ) -> Running<T> {
         let running = Running { work: Work::default(), result: Arc::default() };
@@ -279,17 +268,19 @@ pub(crate) enum Background<T> {
 }
 
 impl<T: Send + Sync + 'static> Background<T> {
-    /// Starts a task that builds a value, which must not take long.
-    pub(crate) fn spawn(build: impl FnOnce() -> T + Send + 'static) -> Self {
-        Self::Building(short(move |_| Ok(build())))
-    }
-
-    /// Builds a value at once if `synchronous`, otherwise starts a task that does, which must not take long.
+    /// Compiles pipelines at once if `synchronous`, otherwise in a task of Bevy.
     pub(crate) fn start(
         synchronous: SynchronousCompilation,
-        build: impl FnOnce() -> T + Send + 'static,
+        compile: impl FnOnce() -> T + Send + 'static,
     ) -> Self {
-        if synchronous.0 { Self::Ready(build()) } else { Self::spawn(build) }
+        if synchronous.0 {
+            return Self::Ready(compile());
+        }
+        let (running, job) = Running::new(move |_| Ok(compile()));
+        // Bevy compiles its own there. The driver does it, not we, and nothing is drawn before: a lane would have
+        // it wait for a scene, at a low priority.
+        AsyncComputeTaskPool::get().spawn(async move { job() }).detach();
+        Self::Building(running)
     }
 
     /// The value, or `None` if it is still being built.

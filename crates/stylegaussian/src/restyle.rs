@@ -194,6 +194,7 @@ impl Recipe<'_> {
         // Before the styles, which take longer: a look of another scene must not make its user wait.
         let (mut colors_of_looks, mut parts) = (Vec::new(), Vec::new());
         for (WeightedLook { name, look, .. }, weight) in self.looks.iter().zip(of_looks) {
+            work.check()?;
             let failed = |source| RestyleError::Look { name: (*name).into(), source };
             colors_of_looks.push((look.colors_for(scene).map_err(failed)?, *weight));
             let mut strokes = look.strokes_for(scene).map_err(failed)?.unwrap_or_default();

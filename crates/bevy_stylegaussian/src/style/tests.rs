@@ -26,7 +26,7 @@ use crate::{
         wish::decoder::choose_decoder,
     },
     tests::world::{rendering::*, *},
-    work::Background,
+    work::{Lane, Workers},
 };
 
 /// The colors of an entity on the GPU.
@@ -119,8 +119,8 @@ fn auto_leaves_software_adapters_alone() {
     assert_eq!(n_passes(&app), u64::from(!is_software));
 }
 
-/// A look of 300,000 Gaussians is parsed and matched to its scene in tasks, and its colors are uploaded as they
-/// are. The longest frame is printed and not bounded: other programs on the machine make frames longer.
+/// A look of 300,000 Gaussians is parsed and matched to its scene on threads, and its colors are uploaded as
+/// they are. The longest frame is printed and not bounded: other programs on the machine make frames longer.
 #[test]
 fn a_large_look_is_shown_without_a_pass() {
     let dir = tempfile::tempdir().unwrap();
@@ -138,12 +138,12 @@ fn a_large_look_is_shown_without_a_pass() {
     for _ in 0..5 {
         let (path, server) = (path.clone(), app.world().resource::<AssetServer>().clone());
         let load = move || server.add(StyleLook::from_file(std::fs::read(&path).unwrap(), "a.look").unwrap());
-        let loading = Background::spawn(load);
+        let loading = app.world().resource::<Workers>().start(Lane::Short, move |_| Ok(load()));
         let mut frames = Vec::new();
         update_until(&mut app, "StyleApplied", |world| {
             frames.push(std::time::Instant::now());
             let is_none = world.get::<StyleSource>(entity).unwrap().is_none();
-            if let Some(look) = loading.get().filter(|_| is_none) {
+            if let Some(Ok(look)) = loading.get().filter(|_| is_none) {
                 *world.get_mut::<StyleSource>(entity).unwrap() = StyleSource::look(look.clone());
             }
             world.resource_mut::<Messages<StyleApplied>>().drain().count() > 0

@@ -3,8 +3,9 @@
 use std::{
     convert::Infallible,
     sync::{
-        Arc, Mutex,
+        Arc, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, Ordering::Relaxed},
+        mpsc,
     },
     time::{Duration, Instant},
 };
@@ -15,18 +16,20 @@ use bevy::{
     render::{RenderApp, settings::WgpuSettings},
     tasks::{AsyncComputeTaskPool, block_on},
 };
-use stylegaussian::{Look, Scene, look::MadeFrom};
-use stylegaussian_files::{read_scene, write_scene};
+use stylegaussian::{Look, Mask, Scene, StoredMask, look::MadeFrom};
+use stylegaussian_files::{read_scene, write_look, write_mask, write_scene};
 
 use crate::{
     AppliedStyle, GaussianScene, GaussianSplats, StyleGaussianPlugin, StyleSource,
+    mask::SavedMask,
     scene::{GpuScenes, LoadedScene, SceneReadings},
-    style::{StyleLook, StyleProgress, decoder::StyleBackend},
-    work::{Lane, Workers},
+    style::{StyleLook, StylePin, StyleProgress, StyleRecolored, decoder::StyleBackend},
+    work::{Lane, Running, Workers},
 };
 
 use super::{
-    paint::{noise, raw},
+    paint::{noise, raw, set},
+    styles::until_applied,
     world::{
         rendering::{app_with_rendering, app_without_splats, finish, read_back, render_target, target},
         *,
@@ -51,6 +54,44 @@ fn painting(app: &mut App, seed: u64) -> Handle<Image> {
     add(app, noise(seed, [250, 200, 30], [20, 40, 90]))
 }
 
+/// Lets one test at a time measure Bevy's pool for computations, need it, or keep it at work: all tests of a
+/// process share it.
+fn alone_on_the_pool() -> MutexGuard<'static, ()> {
+    static POOL: Mutex<()> = Mutex::new(());
+    POOL.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Keeps all threads of Bevy's pool for computations at work until it is dropped, as a game's own tasks may.
+fn busy_pool() -> (Vec<mpsc::Sender<()>>, MutexGuard<'static, ()>) {
+    let alone = alone_on_the_pool();
+    let pool = AsyncComputeTaskPool::get();
+    let (begin, begun) = mpsc::channel();
+    let mut go_on = Vec::new();
+    for _ in 0..pool.thread_num() {
+        let (begin, (sender, wait)) = (begin.clone(), mpsc::channel());
+        go_on.push(sender);
+        let task = async move {
+            let _ = begin.send(());
+            // Until the sender is dropped.
+            let _ = wait.recv();
+        };
+        pool.spawn(task).detach();
+    }
+    go_on.iter().for_each(|_| begun.recv().unwrap());
+    (go_on, alone)
+}
+
+/// Keeps a lane at work until it is dropped.
+fn busy_lane(app: &App, lane: Lane) -> (mpsc::Sender<()>, Running<()>) {
+    let (go_on, wait) = mpsc::channel();
+    let running = app.world().resource::<Workers>().start(lane, move |_| {
+        // Until the sender is dropped.
+        let _ = wait.recv();
+        Ok(())
+    });
+    (go_on, running)
+}
+
 /// Spawns a task of the game's own in each update until `done`, and returns the longest time that one waited to
 /// begin.
 fn longest_wait(app: &mut App, what: &str, mut done: impl FnMut(&mut World) -> bool) -> Duration {
@@ -71,6 +112,7 @@ fn longest_wait(app: &mut App, what: &str, mut done: impl FnMut(&mut World) -> b
 
 #[test]
 fn a_games_own_tasks_do_not_wait_for_a_painting() {
+    let _alone = alone_on_the_pool();
     let mut app = app_without_rendering();
     let splats = GaussianSplats(add_scene(&mut app, demo()));
     let image = painting(&mut app, 1);
@@ -101,6 +143,64 @@ fn a_look_does_not_wait_for_a_painting() {
     update_until(&mut app, "the look", |world| world.get::<AppliedStyle>(with_look).is_some());
     eprintln!("the look came after {:.1?}", begun.elapsed());
     assert!(app.world().get::<AppliedStyle>(painted).is_none(), "the look waited for the painting");
+}
+
+#[test]
+fn files_do_not_wait_for_a_games_own_tasks() {
+    let dir = tempfile::tempdir().unwrap();
+    let scene = raw(60);
+    let look = Look::new(&scene, &scene.base_colors(), MadeFrom::default());
+    write_look(&dir.path().join("a.look.safetensors"), &look).unwrap();
+    let mut mask = Mask::new(60);
+    mask.weights[0] = [255; 4];
+    write_mask(&dir.path().join("a.mask.safetensors"), &StoredMask::new(&scene, &mask)).unwrap();
+    let mut app =
+        app_with_assets(AssetPlugin { file_path: dir.path().to_string_lossy().into(), ..default() });
+    let _pool = busy_pool();
+    let assets = app.world().resource::<AssetServer>().clone();
+    let look: Handle<StyleLook> = assets.load("a.look.safetensors");
+    let mask: Handle<SavedMask> = assets.load("a.mask.safetensors");
+    update_until(&mut app, "a look and a mask", |world| {
+        let (looks, masks) = (world.resource::<Assets<StyleLook>>(), world.resource::<Assets<SavedMask>>());
+        looks.get(&look).is_some() && masks.get(&mask).is_some()
+    });
+}
+
+#[test]
+fn pins_and_looks_wait_neither_for_a_games_own_tasks_nor_for_a_painting() {
+    let mut app = app_without_rendering();
+    let scene = raw(150);
+    let pin = StylePin { at: scene.means[7], place: Vec2::new(0.3, 0.6), painting: 0 };
+    let look = Look::new(&scene, &scene.base_colors(), MadeFrom::default());
+    let look = add(&mut app, StyleLook(Arc::new(look)));
+    let splats = GaussianSplats(add_scene(&mut app, scene));
+    let source = StyleSource::image(painting(&mut app, 1));
+    let painted = app.world_mut().spawn((splats.clone(), source.clone())).id();
+    until_applied(&mut app);
+    let (_pool, _painting) = (busy_pool(), busy_lane(&app, Lane::Styles));
+    set(&mut app, painted, source.with_pins(vec![pin]));
+    assert_eq!(until_applied(&mut app)[0].entity, painted);
+    let with_look = app.world_mut().spawn((splats, StyleSource::look(look))).id();
+    assert_eq!(until_applied(&mut app)[0].entity, with_look);
+}
+
+#[test]
+fn first_colors_of_a_large_scene_wait_for_no_task_and_no_frame_for_them() {
+    let mut app = app_without_rendering();
+    let splats = GaussianSplats(add_scene(&mut app, raw(150_000)));
+    let source = StyleSource::image(painting(&mut app, 1));
+    // Nothing is painted meanwhile.
+    let (_pool, _painting) = (busy_pool(), busy_lane(&app, Lane::Styles));
+    let before = busy_lane(&app, Lane::Short);
+    app.world_mut().spawn((splats, source));
+    for _ in 0..20 {
+        app.update();
+        assert!(drain::<StyleRecolored>(&mut app).is_empty(), "a frame waited for them");
+    }
+    drop(before);
+    update_until(&mut app, "first colors", |world| {
+        world.resource_mut::<Messages<StyleRecolored>>().drain().count() > 0
+    });
 }
 
 /// Time until the threads of a lane are free.
@@ -290,6 +390,8 @@ fn an_entity_shows_its_scene_until_the_gpu_has_the_next() {
 
 #[test]
 fn a_painted_scene_is_seen_until_the_gpu_has_the_next() {
+    // Its pipelines are compiled there.
+    let _alone = alone_on_the_pool();
     let Some((mut app, image, entity)) = app_in_background() else { return };
     let light = |app: &App| -> f32 {
         read_back(app, &image).iter().map(|pixel| pixel[..3].iter().sum::<f32>()).sum()

@@ -31,7 +31,7 @@ struct Queue {
 
 impl Lane {
     /// Number of lanes.
-    const COUNT: usize = 3;
+    const COUNT: usize = 4;
 
     /// Name of its threads.
     fn name(self) -> &'static str {
@@ -39,6 +39,7 @@ impl Lane {
             Self::Scenes => "scenes",
             Self::Styles => "styles",
             Self::Bakes => "bakes",
+            Self::Short => "short",
         }
     }
 }

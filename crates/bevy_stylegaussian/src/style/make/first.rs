@@ -11,15 +11,16 @@ use stylegaussian::{
     Scene,
     paint::Paint,
     recolor::{ColorMoments, Recoloring},
+    work::{Canceled, Work},
 };
 
 use crate::{
     colors::{LayerColors, StyleColors},
     style::show::{transition::StyleTransition, worn::Worn},
-    work::Background,
+    work::{Background, Lane, Workers},
 };
 
-/// Most Gaussians that are recolored at once, without a frame's wait for a task. They take 3 ms of a core
+/// Most Gaussians that are recolored at once, without a frame's wait for a thread. They take 3 ms of a core
 /// (AMD EPYC, Zen 4).
 const AT_ONCE: usize = 100_000;
 
@@ -65,12 +66,17 @@ pub(crate) struct FirstRequest {
 
 impl FirstRequest {
     /// The recolored scene.
-    fn colors(&self) -> Arc<StyleColors> {
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    fn colors(&self, work: &Work) -> Result<Arc<StyleColors>, Canceled> {
         let base = self.scene.base_colors();
+        work.check()?;
         // What pictures show of each Gaussian is not known yet. Opacities tell it well enough for the first
         // seconds.
         let weighted = base.iter().map(|color| Vec3::from(*color)).zip(self.scene.opacities.iter().copied());
         let from = ColorMoments::of_weighted(weighted);
+        work.check()?;
         let recolorings: Vec<(Recoloring, f32)> = (self.palettes.iter())
             .map(|(palette, weight)| {
                 let to = match palette {
@@ -80,6 +86,7 @@ impl FirstRequest {
                 (Recoloring::new(&from, &to), (weight * (1.0 - self.content)) as f32)
             })
             .collect();
+        work.check()?;
         let color = |color: [f32; 3]| {
             let kept = Vec3::from(color) * self.content as f32;
             let recolored = recolorings.iter().map(|(recoloring, weight)| {
@@ -89,7 +96,7 @@ impl FirstRequest {
             });
             (kept + recolored.sum::<Vec3>()).to_array()
         };
-        StyleColors::known(base.into_iter().map(color).collect(), None)
+        Ok(StyleColors::known(base.into_iter().map(color).collect(), None))
     }
 }
 
@@ -125,12 +132,16 @@ impl FirstColors {
         matches!(self.before, Some(LayerColors::Captured))
     }
 
-    /// Computes them, those of large scenes in a task.
-    pub(crate) fn ask(&mut self, request: FirstRequest) {
-        self.computed = Some(match request.scene.len() <= AT_ONCE {
-            true => Background::Ready(request.colors()),
-            false => Background::spawn(move || request.colors()),
-        });
+    /// Computes them, those of large scenes in the background.
+    pub(crate) fn ask(&mut self, request: FirstRequest, workers: &Workers) {
+        self.computed = match request.scene.len() <= AT_ONCE {
+            // Nobody cancels it.
+            true => request.colors(&Work::default()).ok().map(Background::Ready),
+            false => {
+                let running = workers.start(Lane::Short, move |work| request.colors(work));
+                Some(Background::Building(running))
+            }
+        };
     }
 
     /// Puts them on if they are there, and returns whether it did.
@@ -167,7 +178,7 @@ mod tests {
         let palettes = || vec![(Palette::Moments(ColorMoments::of_rgb(&rgb)), 1.0)];
         let colors = |scene: &Arc<Scene>, content| {
             let request = FirstRequest { scene: Arc::clone(scene), palettes: palettes(), content };
-            let colors = request.colors();
+            let colors = request.colors(&Work::default()).unwrap();
             let ColorSource::Rgb(colors) = &colors.source else { panic!("first colors are no weights") };
             colors.to_vec()
         };
@@ -177,6 +188,10 @@ mod tests {
             assert!((mean(channel) - expected).abs() < 0.03, "{channel}: {}", mean(channel));
         }
         assert_eq!(colors(&scene, 1.0), scene.base_colors());
+        let (request, work) =
+            (FirstRequest { scene: Arc::clone(&scene), palettes: palettes(), content: 0.0 }, Work::default());
+        work.cancel();
+        assert_eq!(request.colors(&work).err(), Some(Canceled));
         let large = Arc::new(small_scene(AT_ONCE, 1));
         let begun = std::time::Instant::now();
         colors(&large, 0.0);
@@ -207,7 +222,7 @@ mod tests {
         for _ in 0..2 {
             first.restart();
             assert!(!first.are_asked());
-            first.ask(request());
+            first.ask(request(), &Workers::default());
             until_shown(&mut first, &mut worn);
             assert!(first.are_asked() && !first.are_over_captured() && !worn.is_topped_by(&style));
         }

@@ -394,7 +394,7 @@ impl StyleJob {
         if !self.first.are_asked()
             && let Some(request) = inputs.first_request(source, &self.scene, decoder)
         {
-            self.first.ask(request);
+            self.first.ask(request, &inputs.workers);
         }
         self.first.show(&mut self.worn, transition)
     }

@@ -168,15 +168,13 @@ impl StyleRequest {
             Err(Failure::Failed(error)) => Ok(Err(error)),
             Err(Failure::Canceled) => Err(Canceled),
         };
-        match self.styles {
-            // Looks are mixed in a few milliseconds. They must not wait for a painting.
-            Styles::None => workers.start_async(None, compute),
-            // Moving strokes must not wait for a painting either.
-            _ if moves => workers.start_async(None, compute),
-            Styles::Painted { .. } | Styles::Decoded { .. } => {
-                workers.start_async(Some(Lane::Styles), compute)
-            }
-        }
+        let lane = match self.styles {
+            // Mixing looks must not wait for a painting, and neither must moving strokes.
+            Styles::None => Lane::Short,
+            _ if moves => Lane::Short,
+            Styles::Painted { .. } | Styles::Decoded { .. } => Lane::Styles,
+        };
+        workers.start_async(lane, compute)
     }
 
     /// Whether the style may have strokes.

@@ -160,7 +160,7 @@ pub(crate) fn ground(
 ) -> Running<Arc<Ground>> {
     let (there, beside) = (There::new(Call::ForgetSurface), beside.cloned());
     let ground = Ground { scene: Arc::clone(scene), beside, surface: OnceLock::new(), there };
-    workers.start_async(Some(Lane::Styles), async move |work: Work| {
+    workers.start_async(Lane::Styles, async move |work: Work| {
         loop {
             match ground.hold(Some(&work)).await {
                 Ok(_) => return Ok(Arc::new(ground)),
