@@ -1,10 +1,10 @@
 //! Work in the background: the only place that starts any.
 //!
-//! It runs on threads of our own, because Bevy's pool for computations has one thread on up to five cores, and a
-//! game's own tasks would wait behind a painting. Each [`Lane`] does one thing after another, on a few threads of
-//! low priority ([`StyleThreads`]). Dropping what [`Workers::start`] returns stops the computation. Pipelines
-//! alone are compiled in tasks of Bevy ([`Background::start`]). A browser has no threads: there, a worker
-//! (`browser`) lays on paint, and all else is a task on the page's only one.
+//! It runs on threads of our own, because Bevy's pool for computations has one thread on up to five cores, and
+//! a game's own tasks would wait behind a painting. Each [`Lane`] does one thing after another, on a few
+//! threads of low priority ([`StyleThreads`]). Dropping what [`Workers::start`] returns stops the computation.
+//! Pipelines alone are compiled in tasks of Bevy ([`Background::start`]). A browser has no threads: there, a
+//! worker (`browser`) lays on paint, and all else is a task on the page's only one.
 
 #[cfg(target_family = "wasm")]
 pub(crate) mod browser;
@@ -277,8 +277,8 @@ impl<T: Send + Sync + 'static> Background<T> {
             return Self::Ready(compile());
         }
         let (running, job) = Running::new(move |_| Ok(compile()));
-        // Bevy compiles its own there. The driver does it, not we, and nothing is drawn before: a lane would have
-        // it wait for a scene, at a low priority.
+        // Bevy compiles its own there. The driver does it, not we, and nothing is drawn before: a lane would
+        // have it wait for a scene, at a low priority.
         AsyncComputeTaskPool::get().spawn(async move { job() }).detach();
         Self::Building(running)
     }

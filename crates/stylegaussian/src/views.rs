@@ -71,7 +71,9 @@ pub fn choose_views_if_wanted(
     size: UVec2,
     work: &Work,
 ) -> Result<Vec<Camera>, Canceled> {
-    let Some(survey) = Survey::new(scene, N_STAND_IN) else { return Ok(Vec::new()) };
+    // What follows tells no share.
+    let survey = Survey::new(scene, N_STAND_IN, &work.part(0.0, 0.0))?;
+    let Some(survey) = survey else { return Ok(Vec::new()) };
     let (overviews, closer) = match Overviews::take(&survey, work)? {
         Overviews::Around(views) => {
             let closer = candidates::closer_looks_around(&survey, &views.usable());
@@ -97,8 +99,9 @@ const N_OF_OVERVIEWS: usize = N_STAND_IN / 3;
 /// # Errors
 /// If `work` is canceled.
 pub fn choose_overviews(scene: &Scene, n: usize, size: UVec2, work: &Work) -> Result<Vec<Camera>, Canceled> {
-    work.check()?;
-    let Some(survey) = Survey::new(scene, N_OF_OVERVIEWS) else { return Ok(Vec::new()) };
+    // What follows tells no share.
+    let survey = Survey::new(scene, N_OF_OVERVIEWS, &work.part(0.0, 0.0))?;
+    let Some(survey) = survey else { return Ok(Vec::new()) };
     let (Overviews::Around(views) | Overviews::Within(views)) = Overviews::take(&survey, work)?;
     Ok(cameras(views.choose(n), size))
 }
@@ -107,10 +110,10 @@ pub fn choose_overviews(scene: &Scene, n: usize, size: UVec2, work: &Work) -> Re
 ///
 /// The circle runs counter-clockwise as seen from above.
 pub fn orbit(scene: &Scene, n: usize, size: UVec2) -> Vec<Camera> {
-    let Some(survey) = Survey::new(scene, N_STAND_IN) else { return Vec::new() };
     // Nobody cancels it.
-    let overviews = Overviews::take(&survey, &Work::default());
-    let circle = match overviews {
+    let work = Work::default();
+    let Ok(Some(survey)) = Survey::new(scene, N_STAND_IN, &work) else { return Vec::new() };
+    let circle = match Overviews::take(&survey, &work) {
         Err(Canceled) => Vec::new(),
         Ok(Overviews::Around(_)) => candidates::circle_around(&survey, n),
         // The first choice stands at the spot from which most can be seen.
@@ -138,7 +141,16 @@ pub struct Framing {
 
 /// The part of `scene` that [`choose_views`] and [`orbit`] frame, or `None` if nothing of it is visible.
 pub fn framing(scene: &Scene) -> Option<Framing> {
-    let survey = Survey::new(scene, N_OF_OVERVIEWS)?;
+    // Nobody cancels it.
+    framing_if_wanted(scene, &Work::default()).unwrap_or_default()
+}
+
+/// As [`framing`].
+///
+/// # Errors
+/// If `work` is canceled.
+pub fn framing_if_wanted(scene: &Scene, work: &Work) -> Result<Option<Framing>, Canceled> {
+    let Some(survey) = Survey::new(scene, N_OF_OVERVIEWS, work)? else { return Ok(None) };
     let frame = Frame { center: survey.center, radius: survey.radius };
     let count =
         |is_left_out: &dyn Fn(Vec3) -> bool| scene.means.iter().filter(|&&mean| is_left_out(mean)).count();
@@ -149,7 +161,7 @@ pub fn framing(scene: &Scene) -> Option<Framing> {
             before_backdrop(scene).map_or(0, |(middle, limit)| count(&|mean| mean.distance(middle) >= limit))
         }
     };
-    Some(Framing { frame, up: survey.up, n_left_out, eye: survey.eye })
+    Ok(Some(Framing { frame, up: survey.up, n_left_out, eye: survey.eye }))
 }
 
 fn cameras(candidates: Vec<Candidate>, size: UVec2) -> Vec<Camera> {

@@ -58,6 +58,9 @@ pub(super) const GLTF: Format = Format {
     write: None,
 };
 
+/// Share of a reading that the primitives are said to take. The rest is for their places.
+const PRIMITIVES: f32 = 0.8;
+
 /// Reads all Gaussians.
 fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
     let work = files.work.clone();
@@ -76,11 +79,13 @@ fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
     let mut memory_left = document.n_bytes().saturating_mul(MOST_MEMORY_PER_BYTE);
     let mut memory_for_instances = memory_left.max(instances::FREE_MEMORY);
     let mut parts = Vec::with_capacity(found.len());
+    let share = |i: usize| PRIMITIVES * i as f32 / found.len() as f32;
     for (i, Found { splats, shown }) in found.iter().enumerate() {
-        work.at(i as f32 / found.len() as f32)?;
+        let work = work.part(share(i), share(i + 1));
+        work.at(0.0)?;
         let is_last = found.len() == 1 && shown.instances.is_none();
         let limits = Limits { memory_left: &mut memory_left, is_last };
-        let scene = splats.read(&mut document, are_logarithms, limits, &mut warnings)?;
+        let scene = splats.read(&mut document, are_logarithms, limits, &mut warnings, &work)?;
         let (node, memory) = (shown.world_from_node, &mut memory_for_instances);
         let places = match shown.instances {
             Some(rows) => instances::places(&document, rows, node, &scene, memory, &mut warnings)?,
@@ -89,11 +94,13 @@ fn read(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
         parts.push(Part { scene, places });
     }
     let is_alone = matches!(&parts[..], [Part { places, .. }] if places.len() == 1);
-    let mut scene = parts::placed(parts, &mut warnings)?;
+    work.at(PRIMITIVES)?;
+    let mut scene = parts::placed(parts, &mut warnings, &work)?;
     // The features of several primitives may be of several kinds.
     if let ([Found { splats, .. }], true) = (&found[..], is_alone) {
-        application::read(&document, splats.primitive, &mut scene, &mut warnings);
+        application::read(&document, splats.primitive, &mut scene, &mut warnings, &work);
     }
+    work.at(0.9)?;
     let mut seen = std::collections::BTreeSet::new();
     warnings.retain(|warning| seen.insert(warning.clone()));
     let scene = drop_broken(scene, &mut warnings);

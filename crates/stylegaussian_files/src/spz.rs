@@ -62,8 +62,14 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions, work: &Work) -> Result<L
 }
 
 /// Reads a scene without turning its axes, for files that have one inside.
-pub(super) fn in_its_own_axes(bytes: &[u8], warnings: &mut Vec<String>) -> Result<Scene, Mismatch> {
-    Ok(decode::decode(&container::unpack(bytes, &Work::default())?, warnings))
+pub(super) fn in_its_own_axes(
+    bytes: &[u8],
+    warnings: &mut Vec<String>,
+    work: &Work,
+) -> Result<Scene, Mismatch> {
+    let contents = container::unpack(bytes, &work.part(0.0, 0.7))?;
+    work.at(0.7)?;
+    Ok(decode::decode(&contents, warnings))
 }
 
 #[cfg(test)]

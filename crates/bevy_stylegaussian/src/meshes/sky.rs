@@ -198,7 +198,7 @@ fn compute(
         return Ok(Err(Arc::new(StyleError::Sky { sky: name, found })));
     }
     let color = |direction: Vec3, patch: f32| color_of(cube, direction, patch);
-    let sky = Sky::new(color);
+    let sky = Sky::new_if_wanted(color, work)?;
     work.at(0.1)?;
     let painted = match brushwork.paint(sky.spots(), brushwork.sky_scale(), &work.part(0.1, 0.7))? {
         Ok(painted) => painted,

@@ -80,7 +80,7 @@ impl GaussianScene {
         let is_valid = bounds.is_ok();
         let usual = if is_valid { scene.bulk(OUTSIDE) } else { None };
         work.at(0.9)?;
-        let framing = if is_valid { views::framing(&scene) } else { None };
+        let framing = if is_valid { views::framing_if_wanted(&scene, &work.part(0.9, 1.0))? } else { None };
         let (is_on_gpu, is_refused) = (Arc::default(), Arc::default());
         Ok(Self { scene: Arc::new(scene), decoder, bounds, usual, framing, is_on_gpu, is_refused })
     }

@@ -68,6 +68,18 @@ impl Sky {
     /// A sky whose display-referred color `color` gives for a direction, as the mean over a patch of so many
     /// radians.
     pub fn new(color: impl Fn(Vec3, f32) -> [f32; 3] + Sync) -> Self {
+        let sky = Self::new_if_wanted(color, &Work::default());
+        sky.expect("nobody else has the work, so nobody cancels it")
+    }
+
+    /// As [`new`](Self::new).
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn new_if_wanted(
+        color: impl Fn(Vec3, f32) -> [f32; 3] + Sync,
+        work: &Work,
+    ) -> Result<Self, Canceled> {
         let row = CELLS + 1;
         let step = |i: usize| 2.0 * i as f64 / CELLS as f64 - 1.0;
         let vertices = (0..6).flat_map(|face| (0..row * row).map(move |i| (face, i % row, i / row)));
@@ -82,11 +94,13 @@ impl Sky {
         let row = row as u32;
         let triangles = cells.flat_map(|i| [[i, i + 1, i + row + 1], [i, i + row + 1, i + row]]).collect();
         let spacing = std::f32::consts::FRAC_PI_2 / CELLS as f32;
-        let own = positions.par_iter().map(|at| color(*at, spacing)).collect::<Vec<_>>();
+        // The colors of vertices are means over many texels.
+        let own = positions.par_iter().map(|at| work.check().map(|()| color(*at, spacing)));
+        let own = own.collect::<Result<Vec<_>, Canceled>>()?;
         let split = Split { positions, triangles, parents: Vec::new() };
         // Out of the sphere: of either sign, since strokes have two sides.
         let spots = Spots::new(&split, Some(&split.positions), &own, spacing, Vec3::Y);
-        Self { split, spots, own }
+        Ok(Self { split, spots, own })
     }
 
     /// Its vertices as Gaussians.
@@ -181,6 +195,8 @@ fn in_grid(face: usize, u: f64, v: f64) -> InGrid {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
     use super::*;
     use crate::paint::{Canvas, Company, Hand, Paint, lay, lay_beside};
 
@@ -251,5 +267,18 @@ mod tests {
         assert!(above > below + 0.05, "{above} {below}");
         work.cancel();
         assert_eq!(sky.faces(&painted, gradient, side, &work).err(), Some(Canceled));
+    }
+
+    #[test]
+    fn a_sky_that_nobody_wants_is_looked_at_no_further() {
+        let (work, n_seen) = (Work::default(), AtomicUsize::new(0));
+        let color = |_: Vec3, _: f32| {
+            n_seen.fetch_add(1, Relaxed);
+            work.cancel();
+            [0.5; 3]
+        };
+        assert_eq!(Sky::new_if_wanted(color, &work).err(), Some(Canceled));
+        // Of some 100,000 vertices, one or two for each thread.
+        assert!(n_seen.load(Relaxed) < 1000, "{n_seen:?}");
     }
 }

@@ -6,6 +6,7 @@ use crate::{
     frame::Frame,
     morton,
     splat::MIN_ALPHA,
+    work::{Canceled, Work},
 };
 use glam::Vec3;
 
@@ -61,14 +62,24 @@ pub(super) enum Framed {
 
 impl Survey {
     /// Surveys a scene by at most `n_stand_in` of its Gaussians, or returns `None` if nothing of it is visible.
-    pub fn new(scene: &Scene, n_stand_in: usize) -> Option<Self> {
-        let stand_in = stand_in(scene, n_stand_in);
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    pub fn new(scene: &Scene, n_stand_in: usize, work: &Work) -> Result<Option<Self>, Canceled> {
+        let stand_in = stand_in(scene, n_stand_in, &work.part(0.0, 0.5))?;
+        work.at(0.5)?;
         let masses = masses(&stand_in);
         let is_drawn = |opacity: &f32| *opacity >= MIN_ALPHA;
         if !scene.opacities.iter().any(is_drawn) || masses.iter().all(|&mass| mass <= 0.0) {
-            return None;
+            return Ok(None);
         }
-        let (extent, framed_masses, framed, eye) = framed(scene, &stand_in, &masses)?;
+        let region = if scene.frame.is_none() { region(scene) } else { None };
+        work.at(0.7)?;
+        let Some((extent, framed_masses, framed, eye)) = framed(scene.frame, region, &stand_in, &masses)
+        else {
+            return Ok(None);
+        };
+        work.at(0.9)?;
         let Extent { center, half_size, radius } = extent;
         // Above 0 even if Gaussians of no size lie in one point, and enough for digits of f32 to be left.
         let radius = radius.max(1e-6 * center.abs().max_element()).max(1e-12);
@@ -78,7 +89,7 @@ impl Survey {
             .collect();
         let up = up(&stand_in, &near, half_size);
         let eye = eye.map(|eye| eye.above_floor(&stand_in, up));
-        Some(Self { radius, stand_in, masses: framed_masses, center, half_size, up, framed, eye })
+        Ok(Some(Self { radius, stand_in, masses: framed_masses, center, half_size, up, framed, eye }))
     }
 }
 
@@ -103,10 +114,12 @@ impl Extent {
     }
 }
 
-/// What to frame of a scene: its extent, and the masses of its Gaussians `[n]`, which are 0 beyond. If it was
-/// captured from within, all is framed, and the spot is told.
+/// What to frame of a scene, which may tell a `frame` or have a dense `region`: its extent, and the masses of
+/// its Gaussians `[n]`, which are 0 beyond. If it was captured from within, all is framed, and the spot is
+/// told.
 fn framed(
-    scene: &Scene,
+    frame: Option<Frame>,
+    region: Option<[Vec3; 2]>,
     stand_in: &Scene,
     masses: &[f32],
 ) -> Option<(Extent, Vec<f32>, Framed, Option<Eye>)> {
@@ -116,14 +129,14 @@ fn framed(
             framed.map(|(&mean, &mass)| if is_framed(mean) { mass } else { 0.0 }).collect();
         framed.iter().any(|&mass| mass > 0.0).then_some(framed)
     };
-    if let Some(Frame { center, radius }) = scene.frame {
+    if let Some(Frame { center, radius }) = frame {
         let extent = Extent { center, half_size: Vec3::splat(radius / 3.0_f32.sqrt()), radius };
         // A ball around nothing is framed as well as any other.
         let framed = only(&|mean| mean.distance(center) < radius).unwrap_or_else(|| masses.to_vec());
         return Some((extent, framed, Framed::Told, None));
     }
     let all = Extent::of(stand_in, masses)?;
-    if let Some(region) = region(scene)
+    if let Some(region) = region
         && let Some(framed) = only(&|mean| is_within(mean, region))
         && let Some(dense) = Extent::of(stand_in, &framed)
         && all.radius > LARGER * dense.radius
@@ -140,15 +153,20 @@ fn framed(
 /// A scene of at most `n` Gaussians that looks similar from afar, without its backdrop: every so many along the
 /// Morton curve, so that it is the same in whatever order a file lists them. The remaining Gaussians are
 /// enlarged, so that the total area stays the same.
-fn stand_in(scene: &Scene, n: usize) -> Scene {
+///
+/// # Errors
+/// If `work` is canceled.
+fn stand_in(scene: &Scene, n: usize, work: &Work) -> Result<Scene, Canceled> {
+    work.check()?;
     let near = without_backdrop(scene).unwrap_or_else(|| (0..scene.len() as u32).collect());
+    work.at(0.4)?;
     let means: Vec<Vec3> = near.iter().map(|&i| scene.means[i as usize]).collect();
     let stride = near.len().div_ceil(n).max(1);
     let every = morton::order(&means).into_iter().step_by(stride);
     let indices: Vec<u32> = every.map(|i| near[i as usize]).collect();
     // Areas grow with the square of scales, and each Gaussian that is left stands for `stride`.
     let enlarged = (stride as f32).sqrt();
-    Scene {
+    Ok(Scene {
         means: indices.iter().map(|&i| scene.means[i as usize]).collect(),
         rotations: indices.iter().map(|&i| scene.rotations[i as usize]).collect(),
         scales: indices.iter().map(|&i| scene.scales[i as usize] * enlarged).collect(),
@@ -159,7 +177,7 @@ fn stand_in(scene: &Scene, n: usize) -> Scene {
         filter: scene.filter,
         order: indices,
         ..Default::default()
-    }
+    })
 }
 
 fn masses(scene: &Scene) -> Vec<f32> {

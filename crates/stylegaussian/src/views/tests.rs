@@ -1,5 +1,7 @@
 //! Scenes of known shape: positions of cameras, and the parts that they must see.
 
+use std::sync::{Arc, OnceLock};
+
 use crate::{
     random::Random,
     splat::{Colors, render},
@@ -91,6 +93,11 @@ fn scaled(scene: &Scene, factor: f32) -> Scene {
     }
 }
 
+fn surveyed(scene: &Scene) -> Survey {
+    let survey = Survey::new(scene, N_STAND_IN, &Work::default());
+    survey.expect("nobody cancels it").expect("something to see")
+}
+
 /// The world direction that points up in the picture.
 fn picture_up(camera: &Camera) -> Vec3 {
     -Vec3::from(camera.view_from_world.inverse().matrix3.y_axis)
@@ -106,6 +113,28 @@ fn share_framed(scene: &Scene, cameras: &[Camera]) -> f32 {
         })
     };
     scene.means.iter().filter(|mean| is_framed(mean)).count() as f32 / scene.len() as f32
+}
+
+#[test]
+fn a_framing_that_nobody_waits_for_goes_no_further() {
+    let scene = box_on_a_floor();
+    // Canceled before it begins, and at each share that it tells.
+    for (before, stop) in [(-1.0, 0.0), (0.0, 0.2), (0.2, 0.5), (0.5, 0.7), (0.7, 0.9)] {
+        let own = Arc::new(OnceLock::<Work>::new());
+        let known = Arc::clone(&own);
+        let telling = Work::telling(move |share| {
+            if share > before {
+                known.get().unwrap().cancel();
+            }
+        });
+        let work = own.get_or_init(|| telling);
+        if before < 0.0 {
+            work.cancel();
+        }
+        assert_eq!(framing_if_wanted(&scene, work), Err(Canceled), "{stop}");
+        assert_eq!(work.done(), stop);
+    }
+    assert_eq!(framing_if_wanted(&scene, &Work::default()), Ok(framing(&scene)));
 }
 
 #[test]
@@ -176,7 +205,7 @@ fn a_sky_far_away_changes_no_view() {
         // Strays, as most captures have.
         let mut with_strays = plain.clone();
         with_strays.means[0] = Vec3::splat(1e6);
-        let [a, b] = [&with_strays, &plain].map(|scene| Survey::new(scene, N_STAND_IN).unwrap().radius);
+        let [a, b] = [&with_strays, &plain].map(|scene| surveyed(scene).radius);
         assert!((a / b - 1.0).abs() < 0.05, "radius {a} instead of {b}");
         let (min, max) = bounds_without_backdrop(&with_strays).expect("a stray is far away");
         let (whole_min, whole_max) = plain.bounds().unwrap();
@@ -200,7 +229,7 @@ fn the_unit_of_length_does_not_matter() {
 fn up_is_told_or_guessed() {
     let scene = box_on_a_floor();
     let check = |what: &str, scene: &Scene, expected: Vec3| {
-        let found = Survey::new(scene, N_STAND_IN).expect("something to see").up;
+        let found = surveyed(scene).up;
         assert!(found.dot(expected) > 0.99, "{what}: {found}");
     };
     check("y up", &scene, Vec3::Y);
@@ -221,7 +250,7 @@ fn up_is_told_or_guessed() {
             let [x, y, z, w] = [(); 4].map(|()| random.normal());
             Quat::from_xyzw(x, y, z, w).normalize()
         });
-        let up = |scene: &Scene| Survey::new(scene, N_STAND_IN).expect("something to see").up;
+        let up = |scene: &Scene| surveyed(scene).up;
         assert_eq!(up(&noise), Vec3::NEG_Y, "random normals");
         noise.scales[0] = Vec3::new(20.0, 20.0, 0.1);
         assert_eq!(up(&noise), Vec3::NEG_Y, "random normals and a sky");

@@ -19,6 +19,7 @@ use serde_json::Value;
 use stylegaussian::{
     neighbors::Neighbors,
     scene::{Features, Scene, ScreenFilter},
+    work::Work,
 };
 
 use super::{
@@ -134,8 +135,14 @@ pub(super) fn extras(scene: &Scene) -> Result<Option<String>, Mismatch> {
 }
 
 /// Adds the contents of [`attributes`] and [`extras`] to a scene, and the asset's own metadata. If that
-/// contradicts itself, a warning says so, and the scene stays as it is.
-pub(super) fn read(document: &Document, primitive: &Value, scene: &mut Scene, warnings: &mut Vec<String>) {
+/// contradicts itself, a warning says so, and the scene stays as it is. So it does if `work` is canceled.
+pub(super) fn read(
+    document: &Document,
+    primitive: &Value,
+    scene: &mut Scene,
+    warnings: &mut Vec<String>,
+    work: &Work,
+) {
     let asset = &document.json["asset"];
     scene.license = asset["copyright"].as_str().map(Into::into);
     scene.source = asset["extras"]["source"].as_str().map(Into::into);
@@ -144,7 +151,7 @@ pub(super) fn read(document: &Document, primitive: &Value, scene: &mut Scene, wa
     }
     scene.up = direction(&asset["extras"]["up"]);
     let Some(text) = primitive["extras"][KEY].as_str() else { return };
-    if let Err(Mismatch { found, expected }) = read_parts(document, primitive, text, scene) {
+    if let Err(Mismatch { found, expected }) = read_parts(document, primitive, text, scene, work) {
         warnings.push(format!("ignored features, neighbors and decoder: found {found}, expected {expected}"));
     }
 }
@@ -160,11 +167,17 @@ fn direction(value: &Value) -> Option<Vec3> {
     Some(up).filter(|up| up.is_finite() && *up != Vec3::ZERO)
 }
 
-fn read_parts(document: &Document, primitive: &Value, text: &str, scene: &mut Scene) -> Result<(), Mismatch> {
+fn read_parts(
+    document: &Document,
+    primitive: &Value,
+    text: &str,
+    scene: &mut Scene,
+    work: &Work,
+) -> Result<(), Mismatch> {
     let bytes = base64::decode(text)?;
     let reader = Reader::new(&bytes)?;
     reader.expect_format(FORMAT_NAME)?;
-    let rows = Rows { document, primitive, n: scene.len() };
+    let rows = Rows { document, primitive, n: scene.len(), work };
     let features = match reader.has("offset") {
         true => Some(features(&reader, &rows)?),
         false => None,
@@ -208,6 +221,7 @@ struct Rows<'a> {
     document: &'a Document<'a>,
     primitive: &'a Value,
     n: usize,
+    work: &'a Work,
 }
 
 impl Rows<'_> {
@@ -243,6 +257,7 @@ impl Rows<'_> {
         let mut values: Vec<f32> = self.reserved(width, name)?;
         values.resize(self.n * width, 0.0);
         for group in 0..width.div_ceil(4) {
+            self.work.check()?;
             let accessor = self.accessor(&format!("{name}_{group}"), 4)?;
             let (start, end) = (4 * group, (4 * group + 4).min(width));
             for (i, row) in values.chunks_exact_mut(width).enumerate() {
@@ -264,6 +279,7 @@ impl Rows<'_> {
         let mut indices: Vec<u32> = self.reserved(k, NEIGHBORS)?;
         indices.resize(self.n * k, 0);
         for pair in 0..k.div_ceil(2) {
+            self.work.check()?;
             let accessor = self.accessor(&format!("{NEIGHBORS}_{pair}"), 4)?;
             if accessor.component != Component::U16 {
                 return Err(mismatch("neighbors of another type", "unsigned short"));

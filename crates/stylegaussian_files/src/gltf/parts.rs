@@ -1,7 +1,7 @@
 //! From primitives to one scene: each in its places.
 
 use glam::{DAffine3, DVec3};
-use stylegaussian::scene::Scene;
+use stylegaussian::{scene::Scene, work::Work};
 
 use super::merge::merge;
 use crate::{
@@ -19,12 +19,13 @@ pub(super) struct Part {
 }
 
 /// All Gaussians in all their places, from a common offset on.
-pub(super) fn placed(parts: Vec<Part>, warnings: &mut Vec<String>) -> Result<Scene, Mismatch> {
+pub(super) fn placed(parts: Vec<Part>, warnings: &mut Vec<String>, work: &Work) -> Result<Scene, Mismatch> {
     let offset = common_offset(&parts);
     let mut scenes = Vec::with_capacity(parts.iter().map(|part| part.places.len()).sum());
     for Part { scene, mut places } in parts {
         let Some(last) = places.pop() else { continue };
         let mut put = |mut scene: Scene, mut to: DAffine3| {
+            work.check()?;
             // In f64, so that nothing is lost that the file holds.
             to.translation -= offset;
             place(&mut scene, to, warnings).map(|()| scenes.push(scene))

@@ -8,6 +8,7 @@ use serde_json::Value;
 use stylegaussian::{
     scene::{Scene, Sh},
     sh,
+    work::Work,
 };
 
 use super::{
@@ -68,6 +69,7 @@ impl<'a> Splats<'a> {
         are_logarithms: bool,
         Limits { memory_left, is_last }: Limits,
         warnings: &mut Vec<String>,
+        work: &Work,
     ) -> Result<Scene, Mismatch> {
         self.warn_of_unknowns(warnings);
         let mut reserve = |n: usize, n_coefficients: usize| {
@@ -81,7 +83,7 @@ impl<'a> Splats<'a> {
             Ok(())
         };
         if let Some(compressed) = self.compressed() {
-            return self.read_spz(document, compressed, &mut reserve, warnings);
+            return self.read_spz(document, compressed, &mut reserve, warnings, work);
         }
         let n = self.accessor(document, "POSITION", 3)?.count;
         if u32::try_from(n).is_err() {
@@ -92,8 +94,9 @@ impl<'a> Splats<'a> {
         reserve(n, harmonics.len().max(1))?;
         let sh = match harmonics.is_empty() {
             true => self.fallback_colors(document, n, warnings)?,
-            false => Some(self.colors(&harmonics, n, warnings)),
+            false => Some(self.colors(&harmonics, n, warnings, work)),
         };
+        work.at(0.6)?;
         if is_last {
             // Most of the file is in them.
             document.release(&self.views_of_harmonics(&document.json));
@@ -103,10 +106,16 @@ impl<'a> Splats<'a> {
             let scale = Vec3::from_array(scale.row(i));
             if are_logarithms { scale.exp() } else { scale }
         };
+        let means = indices(n).map(|i| Vec3::from_array(position.row(i))).collect();
+        work.at(0.7)?;
+        let rotations = indices(n).map(|i| unit(rotation.row(i))).collect();
+        work.at(0.8)?;
+        let scales = indices(n).map(scale).collect();
+        work.at(0.9)?;
         Ok(Scene {
-            means: indices(n).map(|i| Vec3::from_array(position.row(i))).collect(),
-            rotations: indices(n).map(|i| unit(rotation.row(i))).collect(),
-            scales: indices(n).map(scale).collect(),
+            means,
+            rotations,
+            scales,
             opacities: indices(n).map(|i| opacity.row::<1>(i)[0].clamp(0.0, 1.0)).collect(),
             sh,
             order: (0..n as u32).collect(),
@@ -131,8 +140,9 @@ impl<'a> Splats<'a> {
         (name, view): (&str, usize),
         reserve: &mut dyn FnMut(usize, usize) -> Result<(), Mismatch>,
         warnings: &mut Vec<String>,
+        work: &Work,
     ) -> Result<Scene, Mismatch> {
-        let scene = spz::in_its_own_axes(document.view(view)?.0, warnings).map_err(|mismatch| {
+        let scene = spz::in_its_own_axes(document.view(view)?.0, warnings, work).map_err(|mismatch| {
             let found = format!("{} in {name}", mismatch.found);
             Mismatch { found, ..mismatch }
         })?;
@@ -233,7 +243,7 @@ impl<'a> Splats<'a> {
     }
 
     /// The spherical harmonics in display-referred colors.
-    fn colors(&self, harmonics: &[Accessor], n: usize, warnings: &mut Vec<String>) -> Sh {
+    fn colors(&self, harmonics: &[Accessor], n: usize, warnings: &mut Vec<String>, work: &Work) -> Sh {
         let mut coefficients = vec![0.0; n * 3 * harmonics.len()];
         enlarge(&mut coefficients);
         let is_linear = self.extension["colorSpace"] == "lin_rec709_display";
@@ -243,6 +253,9 @@ impl<'a> Splats<'a> {
         }
         let rows = coefficients.par_chunks_exact_mut(3 * harmonics.len());
         rows.enumerate().with_min_len(MIN_SHARE).for_each(|(i, row)| {
+            if work.is_canceled() {
+                return;
+            }
             for (rgb, accessor) in row.as_chunks_mut::<3>().0.iter_mut().zip(harmonics) {
                 *rgb = accessor.row(i);
             }

@@ -9,7 +9,7 @@ use super::*;
 #[test]
 fn readers_stop_at_every_share() {
     let scene = full_scene();
-    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz", "a.sgs", "a.sog"] {
+    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz", "a.sgs", "a.sog", "a.glb"] {
         let bytes = scene_to_bytes(name, &scene).unwrap();
         let reader = || SceneReader::new(bytes.clone(), name, ReadOptions::default());
         let told = Arc::new(Mutex::new(Vec::new()));

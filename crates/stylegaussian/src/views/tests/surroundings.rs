@@ -94,7 +94,7 @@ fn views_of_a_thing_with_surroundings_show_it() {
 #[test]
 fn scenes_without_surroundings_are_framed_whole() {
     for scene in [cube(), cube_on_a_floor(), box_on_a_floor(), room()] {
-        let survey = Survey::new(&scene, N_STAND_IN).unwrap();
+        let survey = surveyed(&scene);
         assert_eq!(survey.framed, Framed::All);
         assert_eq!(framing(&scene).unwrap().n_left_out, 0);
     }

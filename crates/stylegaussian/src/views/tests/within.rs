@@ -113,7 +113,7 @@ fn a_thing_in_a_place_is_seen_from_outside() {
     let (around, thing) = (walls(Vec3::new(25.0, 1e9, 30.0), 8.0), ball(middle, 0.8));
     for (what, hits) in [("outdoors", &[&around as &Hit, &thing][..]), ("alone", &[&thing as &Hit][..])] {
         let scene = of_rays(6000, &circling, hits);
-        assert_eq!(Survey::new(&scene, N_STAND_IN).unwrap().eye, None, "{what}");
+        assert_eq!(surveyed(&scene).eye, None, "{what}");
         assert_eq!(framing(&scene).unwrap().eye, None, "{what}");
         for camera in orbit(&scene, 4, SIZE) {
             assert!(camera.position().distance(middle) > 1.5, "{what}: eye at {}", camera.position());
@@ -123,6 +123,6 @@ fn a_thing_in_a_place_is_seen_from_outside() {
         }
     }
     for scene in [box_on_a_floor(), room()] {
-        assert_eq!(Survey::new(&scene, N_STAND_IN).unwrap().eye, None);
+        assert_eq!(surveyed(&scene).eye, None);
     }
 }
