@@ -185,7 +185,7 @@ fn pins_and_looks_wait_neither_for_a_games_own_tasks_nor_for_a_painting() {
 }
 
 #[test]
-fn first_colors_of_a_large_scene_wait_for_no_task_and_no_frame_for_them() {
+fn first_colors_of_a_large_scene_wait_for_no_task_and_hold_up_no_frame() {
     let mut app = app_without_rendering();
     let splats = GaussianSplats(add_scene(&mut app, raw(150_000)));
     let source = StyleSource::image(painting(&mut app, 1));
