@@ -184,7 +184,7 @@ fn values_after_the_activations_get_a_hint() {
     // A pruned scene has no faint Gaussians, and a few that are opaque.
     let pruned = |name: &str, row: usize| match trained(name, row) {
         value if name == "opacity" => {
-            if row % 4 == 0 {
+            if row.is_multiple_of(4) {
                 20.0
             } else {
                 value.abs()
