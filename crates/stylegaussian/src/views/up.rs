@@ -16,8 +16,8 @@ const LEVEL_COSINE: f32 = 0.978;
 /// Otherwise nothing is known of it. The best of directions at random reaches three; the table of the bonsai
 /// has seven.
 const EVIDENT: f32 = 5.0;
-/// Factor of level mass that another axis needs over y to replace it. The chest and the back of a man who stands
-/// have 2.5, the table of the bonsai has 3.8 over what is beside it.
+/// Factor of level mass that another axis needs over y to replace it. Chest and back of a man who stands have
+/// 2.5, the table of the bonsai has 3.8 over what is beside it.
 const PRIOR_OF_Y: f32 = 3.0;
 /// A scene thinner than this along another axis, relative to its larger extents, is a panel that could stand
 /// upright.
