@@ -61,8 +61,8 @@ pub(crate) enum Lane {
     /// Bakes, which take minutes.
     #[cfg_attr(not(feature = "refine"), allow(dead_code, reason = "`StyleRefine` alone bakes"))]
     Bakes,
-    /// What takes less than a second of usual scenes and must not wait for the others: reading looks, masks and
-    /// other small files, mixing looks, moving strokes to pins, first colors.
+    /// Shorter work, which must not wait for the others: reading looks, masks and other small files, mixing
+    /// looks, moving strokes to pins, first colors.
     Short,
 }
 

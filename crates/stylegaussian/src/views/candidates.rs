@@ -29,9 +29,10 @@ const N_TARGETS: usize = 24;
 
 /// Number of closer looks at each spot, from the nearest overviews.
 const N_EYES: usize = 6;
-/// Elevation of the circle for showing an object, in radians over the horizon, and the factor of room that its
-/// lens leaves beyond that of overviews: a head must not be cut, which is less than 3% of a person.
+/// Elevation of the circle for showing an object, in radians over the horizon.
 const ORBIT_ELEVATION: f32 = 0.3;
+/// Factor of the circle's lens over the widest of its overviews. These frame 97% of the mass, and a person's
+/// head is less than the rest. Things that end in large Gaussians may still touch the edge.
 const ORBIT_ROOM: f32 = 1.12;
 
 /// Half the angle of a view within a place, in radians: wide, as captures of rooms are.

@@ -114,9 +114,9 @@ impl Extent {
     }
 }
 
-/// What to frame of a scene, which may tell a `frame` or have a dense `region`: its extent, and the masses of
-/// its Gaussians `[n]`, which are 0 beyond. If it was captured from within, all is framed, and the spot is
-/// told.
+/// The part of a scene to frame, which may tell a `frame` or have a dense `region`: its extent, and the masses
+/// of the scene's Gaussians `[n]`, which are 0 beyond. If the scene was captured from within, all is framed,
+/// and the spot is told.
 fn framed(
     frame: Option<Frame>,
     region: Option<[Vec3; 2]>,
