@@ -2,10 +2,10 @@
 // of the pictures of `stylegaussian::paint`.
 
 /// Writes a pixel if it is within the picture.
-fn write(at: vec2<i32>, value: vec4<f32>) {
+fn write(at: vec2<i32>, value: vec3<f32>) {
     let size = vec2<i32>(vec2(task.output.width, task.output.height));
     if all(at < size) {
-        pictures[i32(task.output.first) + at.y * size.x + at.x] = value;
+        pictures[i32(task.output.first) + at.y * size.x + at.x] = vec4(value, 0.0);
     }
 }
 
@@ -18,7 +18,7 @@ fn paint_blur(@builtin(global_invocation_id) invocation: vec3<u32>) {
     if any(at >= vec2<i32>(vec2(task.output.width, task.output.height))) {
         return;
     }
-    var sums = mat4x4<f32>();
+    var sums = mat4x3<f32>();
     var total = 0.0;
     // Of the pixel that is read, in each of the sums.
     var weights = vec4(0.0);
@@ -28,7 +28,7 @@ fn paint_blur(@builtin(global_invocation_id) invocation: vec3<u32>) {
         let weight = select(0.0, exp(-0.5 * deviations * deviations), d <= reach);
         weights = vec4(weight, weights.xyz);
         total += weight;
-        let pixel = pictures[pixel_at(task.input, at + d * along)];
+        let pixel = pictures[pixel_at(task.input, at + d * along)].rgb;
         sums[0] += weights.x * pixel;
         sums[1] += weights.y * pixel;
         sums[2] += weights.z * pixel;

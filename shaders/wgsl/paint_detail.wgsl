@@ -22,8 +22,9 @@ fn paint_detail(@builtin(global_invocation_id) invocation: vec3<u32>) {
     var value: vec3<f32>;
     if hidden(task.which) == 0u {
         let sharp = sampled(task.original, place * vec2<f32>(vec2(task.original.width, task.original.height)));
-        let finest = sampled(task.copies[0], at) - sampled(task.copies[1], at);
-        value = (sharp + (FINEST - 1.0) * finest - strokes) * whitened(at);
+        // `paint_squares` has written it.
+        let finest = sampled(task.copies[1], at);
+        value = (sharp + finest - strokes) * whitened(at);
     } else {
         let n = f32(task.original.width * task.original.height);
         let large = sampled(task.copies[3], at);

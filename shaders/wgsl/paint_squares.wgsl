@@ -1,4 +1,5 @@
-// The luminance energy of detail at each pixel. CPU twin: the detail of `stylegaussian::paint`.
+// The luminance energy of detail at each pixel, and what detail has more of the finest band than the painting,
+// which takes the place of the first blurred copy. CPU twin: the detail of `stylegaussian::paint`.
 
 @compute @workgroup_size(PAINT_SIDE, PAINT_SIDE)
 fn paint_squares(@builtin(global_invocation_id) invocation: vec3<u32>) {
@@ -7,10 +8,13 @@ fn paint_squares(@builtin(global_invocation_id) invocation: vec3<u32>) {
     if any(pixel >= size) {
         return;
     }
-    let at = vec2<f32>(pixel) + 0.5;
-    let first = sampled(task.copies[0], at);
-    let second = sampled(task.copies[1], at);
-    let detail = FINEST * (first - second) + second - sampled(task.copies[3], at);
+    let i = pixel.y * size.x + pixel.x;
+    // These two are as large as the picture.
+    let first = pictures[task.copies[0].first + i].rgb;
+    let second = pictures[task.copies[1].first + i].rgb;
+    let finest = (FINEST - 1.0) * (first - second);
+    pictures[task.copies[1].first + i] = vec4(finest, 0.0);
+    let detail = first + finest - sampled(task.copies[3], vec2<f32>(pixel) + 0.5);
     let luminance = dot(detail, vec3(LUMINANCE_R, LUMINANCE_G, LUMINANCE_B));
-    pictures[task.output.first + pixel.y * size.x + pixel.x] = vec4(luminance * luminance);
+    pictures[task.output.first + i] = vec4(luminance * luminance);
 }

@@ -1,7 +1,7 @@
 //! A painting prepared for painting scenes: the scale at which it is read, its detail, its colors, and its
 //! places.
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -40,12 +40,18 @@ const SHAPES: usize = 4;
 /// Least clarity at which strokes are aligned with the scene's edges. Below it, the painting stands upright.
 pub(super) const CLEAR: f32 = 0.25;
 
+/// A texture that is made when it is first asked for.
+type LateTexture = LazyLock<Arc<StrokeTexture>, Box<dyn FnOnce() -> Arc<StrokeTexture> + Send>>;
+
 /// A painting prepared for painting any scene.
 pub struct Canvas {
     /// Size at which it is read, in pixels: a pixel is one of a picture of 512 pixels that shows the whole
     /// scene.
     pub(super) size: Vec2,
     pub(super) detail: Detail,
+    /// The texture that its strokes show. That of a picture that was read in another's stead is only made if it
+    /// is asked for, since the GPU makes its own.
+    texture: LateTexture,
     /// The texture of the picture that was read first. Strokes that stay are known by it.
     first: Arc<StrokeTexture>,
     /// Its colors.
@@ -74,7 +80,7 @@ impl Canvas {
     /// # Errors
     /// If `work` is canceled.
     pub fn new_if_wanted(paint: &Paint, work: &Work) -> Result<Self, Canceled> {
-        Self::read_at(paint, None, work)
+        Self::read(paint, None, work)
     }
 
     /// Another picture in this painting's stead, read at the same size, so that places in one are places in the
@@ -89,9 +95,7 @@ impl Canvas {
     /// # Errors
     /// If `work` is canceled.
     pub fn reread_if_wanted(&self, paint: &Paint, work: &Work) -> Result<Self, Canceled> {
-        let [width, height] = self.reading_size().map(|side| side as usize);
-        let read = Self::read_at(paint, Some((width, height)), work)?;
-        Ok(Self { first: Arc::clone(&self.first), ..read })
+        Self::read(paint, Some(self), work)
     }
 
     /// Width and height at which it is read, in pixels.
@@ -101,7 +105,7 @@ impl Canvas {
 
     /// The texture that its strokes show.
     pub fn texture(&self) -> &Arc<StrokeTexture> {
-        &self.detail.texture
+        &self.texture
     }
 
     /// Whether strokes that were laid on in `texture` follow this painting: it is their own, or was [read in
@@ -115,31 +119,31 @@ impl Canvas {
         self.used.is_none()
     }
 
-    /// Prepares a painting that is read at a size, or else at its own scale.
-    fn read_at(paint: &Paint, size: Option<(usize, usize)>, work: &Work) -> Result<Self, Canceled> {
-        work.check()?;
-        let mut original = paint.picture();
-        let used = Used::new(&paint.used, paint.width);
-        if let Some(used) = &used {
-            original = used.filled(&original);
-        }
-        let (width, height) = match size {
-            Some(size) => size,
-            None => own_size(&original, used.as_ref(), work)?,
-        };
-        work.at(0.1)?;
-        let copies = Copies::new(original.resized(width, height));
-        work.at(0.3)?;
-        let used = used.map(|used| used.resized(width, height)).filter(|used| used.pixels.contains(&true));
+    /// Prepares a painting that is read in the stead of another one, or else at its own scale.
+    fn read(paint: &Paint, instead_of: Option<&Self>, work: &Work) -> Result<Self, Canceled> {
+        let reading = Reading::new(paint, instead_of.map(Self::reading_size), work)?;
+        let Reading { copies, used, .. } = &reading;
         let picture = copies.picture();
-        let detail = Detail::new(&copies, &original, used.as_ref(), &work.part(0.3, 0.8))?;
+        let (width, height) = (picture.width, picture.height);
+        let detail = Detail::new(copies, used.as_ref(), &work.part(0.3, 0.5))?;
         // A pixel for each place, blurred by a place's side.
         let tensors = (0..PLACE.ilog2()).fold(copies.copy(1).structure(), |tensors, _| tensors.halved());
         let strokes: Vec<(Vec2, f32)> = tensors.blurred(1.0).values.into_iter().map(stroke).collect();
         let n_places = (width.div_ceil(PLACE), height.div_ceil(PLACE));
-        work.at(0.85)?;
-        let places = [false, true].map(|aligned| places(&copies, n_places, &strokes, aligned));
-        work.at(0.9)?;
+        work.at(0.55)?;
+        let places = [false, true].map(|aligned| places(copies, n_places, &strokes, aligned));
+        work.at(0.6)?;
+        let (texture, first): (LateTexture, _) = match instead_of {
+            Some(of) => {
+                let (paint, size) = (paint.clone(), of.reading_size());
+                (LazyLock::new(Box::new(move || texture_at(&paint, size))), Arc::clone(&of.first))
+            }
+            None => {
+                let texture = detail.texture(copies, &reading.original, &work.part(0.6, 1.0))?;
+                let first = Arc::clone(&texture);
+                (LazyLock::new(Box::new(move || texture)), first)
+            }
+        };
         let whole = used.as_ref().map(|used| used.of(&picture.values).collect::<Vec<_>>());
         Ok(Self {
             size: picture.size(),
@@ -147,12 +151,13 @@ impl Canvas {
             colors: (0..n_places.0 * n_places.1)
                 .map(|place| copies.blurred(center_of(place, n_places), PLACE_BLUR))
                 .collect(),
-            used: used.map(|used| used.places(n_places)),
+            used: used.as_ref().map(|used| used.places(n_places)),
             n_places,
             strokes,
             places,
-            first: Arc::clone(&detail.texture),
             detail,
+            texture,
+            first,
         })
     }
 
@@ -167,7 +172,7 @@ impl Canvas {
             || self.size == other.size
                 && self.used == other.used
                 && self.colors == other.colors
-                && self.detail.texture == other.detail.texture
+                && *self.texture == *other.texture
                 // Strokes that stay show two.
                 && self.first == other.first
     }
@@ -187,6 +192,50 @@ impl Canvas {
         let index = |at: f32, size: f32, n: usize| ((mirrored(at, size) / PLACE as f32) as usize).min(n - 1);
         index(at.y, self.size.y, self.n_places.1) * self.n_places.0
             + index(at.x, self.size.x, self.n_places.0)
+    }
+}
+
+/// The texture of a painting that is read at a size. Only pixels that may be used count.
+pub(super) fn texture_at(paint: &Paint, size: [u32; 2]) -> Arc<StrokeTexture> {
+    let work = Work::default();
+    let made = || {
+        let Reading { original, copies, used } = Reading::new(paint, Some(size), &work)?;
+        Detail::new(&copies, used.as_ref(), &work)?.texture(&copies, &original, &work)
+    };
+    made().expect("nobody else has the work, so nobody cancels it")
+}
+
+/// A painting as it is read.
+struct Reading {
+    /// The painting, filled where it may not be used.
+    original: Picture,
+    /// It and its blurred copies at the size at which it is read.
+    copies: Copies,
+    /// Its pixels that may be used at that size; `None` if all may.
+    used: Option<Used>,
+}
+
+impl Reading {
+    /// Reads a painting at a size, or else at its own scale: 0.3 of `work`.
+    ///
+    /// # Errors
+    /// If `work` is canceled.
+    fn new(paint: &Paint, size: Option<[u32; 2]>, work: &Work) -> Result<Self, Canceled> {
+        work.check()?;
+        let mut original = paint.picture();
+        let used = Used::new(&paint.used, paint.width);
+        if let Some(used) = &used {
+            original = used.filled(&original);
+        }
+        let (width, height) = match size {
+            Some(size) => size.map(|side| side as usize).into(),
+            None => own_size(&original, used.as_ref(), work)?,
+        };
+        work.at(0.1)?;
+        let copies = Copies::new(original.resized(width, height));
+        work.at(0.3)?;
+        let used = used.map(|used| used.resized(width, height)).filter(|used| used.pixels.contains(&true));
+        Ok(Self { original, copies, used })
     }
 }
 

@@ -169,7 +169,7 @@ impl<'a> Choice<'a> {
         let canvas = self.paintings[painting];
         match given {
             Some(given) => Arc::new(tinted(canvas, given)),
-            None => Arc::clone(&canvas.detail.texture),
+            None => Arc::clone(canvas.texture()),
         }
     }
 
@@ -230,7 +230,7 @@ fn with_hues<T>(
 fn tinted(canvas: &Canvas, given: &Tints) -> StrokeTexture {
     let recoloring = Recoloring::new(&canvas.tints.whole.0, &given.whole.0);
     let zero = Vec3::from(recoloring.color([0.0; 3]));
-    canvas.detail.texture.mapped(|detail| {
+    canvas.texture().mapped(|detail| {
         let turned = Vec3::from(recoloring.color(detail.to_array())) - zero;
         let chroma = turned - turned.dot(LUMINANCE);
         // A gray painting has hues by chance alone, which must not be blown up.

@@ -9,11 +9,11 @@ use std::sync::Arc;
 use glam::Vec2;
 
 use super::{
-    detail::{self, Detail},
+    canvas, detail,
     painting::Paint,
-    picture::{self, Copies, N_COPIES},
+    picture::{self, N_COPIES},
 };
-use crate::{strokes::StrokeTexture, work::Work};
+use crate::strokes::StrokeTexture;
 
 /// Factor of the finest band.
 pub const FINEST: f32 = detail::FINEST;
@@ -102,14 +102,11 @@ fn covered(at: u32, step: f32, side: u32) -> impl Iterator<Item = (u32, f32)> + 
     (first..end).map(move |i| (i, high.min((i + 1) as f32) - low.max(i as f32)))
 }
 
-/// The texture of a painting's detail, if all of it is used and it is read at a size: see
-/// [`Canvas::reading_size`](super::Canvas::reading_size). The kernels are `paint_resize`, `paint_halve`,
-/// `paint_blur`, `paint_squares`, `paint_sum`, `paint_detail` and `paint_level`.
-pub fn redrawn(paint: &Paint, [width, height]: [u32; 2]) -> Arc<StrokeTexture> {
-    let original = paint.picture();
-    let copies = Copies::new(original.resized(width as usize, height as usize));
-    let detail = Detail::new(&copies, &original, None, &Work::default());
-    detail.expect("nobody else has the work, so nobody cancels it").texture
+/// The texture of a painting's detail, if it is read at a size: see
+/// [`Canvas::reading_size`](super::Canvas::reading_size). The kernels, for which all of it is used, are
+/// `paint_resize`, `paint_halve`, `paint_blur`, `paint_squares`, `paint_sum`, `paint_detail` and `paint_level`.
+pub fn redrawn(paint: &Paint, size: [u32; 2]) -> Arc<StrokeTexture> {
+    canvas::texture_at(paint, size)
 }
 
 #[cfg(test)]
