@@ -1,5 +1,5 @@
 // Changes the colors of records by light and air: the tints of their cloud and of volumes, shadows on them, and
-// the fog before them. One invocation per record of one cloud, after `splat_project` and `splat_strokes`. CPU
+// the air before them. One invocation per record of one cloud, after `splat_project` and `splat_strokes`. CPU
 // twin: `stylegaussian::light::Lit`, which has the equation.
 
 /// A directional light in fog.
@@ -252,7 +252,7 @@ fn splat_light(
     var splat = unpacked(geometry_halves[record], color_halves[record]);
     let seen = seen_at(splat);
     find_tint(seen);
-    let air = air_along(seen);
+    let air = behind_atmosphere(air_along(seen), seen);
     let before = splat.color;
     // WGSL leaves packing of larger numbers to f16 undefined.
     splat.color = clamp(lit(before, air), vec3(-MAX_COLOR), vec3(MAX_COLOR));

@@ -50,10 +50,10 @@ struct SplatShadows {
     padding_1: u32,
 }
 
-@group(0) @binding(8) var<uniform> shadows: SplatShadows;
-@group(0) @binding(9) var shadow_maps: texture_depth_2d_array;
-@group(0) @binding(10) var shadow_sampler: sampler_comparison;
-@group(0) @binding(11) var shadow_cubes: texture_depth_cube_array;
+@group(0) @binding(SHADOW_BINDINGS) var<uniform> shadows: SplatShadows;
+@group(0) @binding(SHADOW_BINDINGS + 1u) var shadow_maps: texture_depth_2d_array;
+@group(0) @binding(SHADOW_BINDINGS + 2u) var shadow_sampler: sampler_comparison;
+@group(0) @binding(SHADOW_BINDINGS + 3u) var shadow_cubes: texture_depth_cube_array;
 
 /// The share of the sun's light that reaches a point of view space.
 fn sunlight(point: vec3<f32>) -> f32 {

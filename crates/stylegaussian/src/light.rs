@@ -1,5 +1,5 @@
 //! Light and air: what changes the color of a splat that is drawn as captured or styled. A [`Tint`] of its
-//! cloud, those of the volumes that it is in, shadows on it, and the [`Fog`] before it.
+//! cloud, those of the volumes that it is in, shadows on it, and the [`Fog`] and the [`Atmosphere`] before it.
 //!
 //! Splats have display-referred colors. Light is linear, before a camera's exposure and tone mapping, and so is
 //! a mesh's. With D the [`Display`] of a scene color, M the tint, s the share of the light that is not in
@@ -15,6 +15,7 @@
 
 use glam::{Mat3, Vec3};
 
+mod atmosphere;
 mod display;
 mod lamp;
 mod shadow;
@@ -22,6 +23,7 @@ mod shadow;
 mod tests;
 mod volume;
 
+pub use atmosphere::{Atmosphere, FARTHEST_AIR};
 pub use display::{BRIGHTEST_SHOWN, Curve, Display, KNEE};
 pub use lamp::{Cone, MAX_LAMPS, ShadowLamp};
 pub use shadow::{MAX_CASCADES, ShadowCascade, in_shadow};

@@ -3,8 +3,9 @@
 //! 1. *project* (`project`): culls and projects the Gaussians of each cloud and evaluates their colors, into
 //!    one array of records and keys per view. Behind it, *strokes* (`strokes`) writes how the splats of clouds
 //!    with strokes lie in their paintings. Views without such clouds do none of this, and their draws bind
-//!    nothing of it. Last, *light* (`light`) tints colors, darkens them in shadow and puts them behind fog, in
-//!    views that have any: see [`SplatView::set_light`];
+//!    nothing of it. Last, *light* (`light`) tints colors, darkens them in shadow and puts them behind fog and
+//!    air, in views that have any: see [`SplatView::set_light`]. In an atmosphere, it is a stage of its own
+//!    after the next: [`SplatPass::light_in_atmosphere`];
 //! 2. *sort* (`sort`): one radix sort over the visible splats of all clouds, so that clouds interleave where
 //!    they overlap;
 //! 3. *draw* (`draw`): one indirect draw of quads, back to front, premultiplied over, into a *layer* of the
@@ -71,7 +72,7 @@ pub use error::SplatError;
 pub use headless::{Headless, HeadlessError, Picture};
 pub use layer::{LAYER_FORMAT, Layer};
 pub use lift::LiftPipeline;
-pub use light::{Shadows, ViewLight};
+pub use light::{AerialPerspective, Shadows, ViewLight};
 pub use pass::SplatPass;
 pub(crate) use scene::Ball;
 pub use scene::GpuScene;

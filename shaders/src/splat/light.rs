@@ -83,6 +83,24 @@ pub(super) fn layouts() -> Vec<Layout> {
             half_width,
             map,
         }),
+        layout!(SplatAtmosphere {
+            clip_from_view_x,
+            clip_from_view_y,
+            clip_from_view_w,
+            meters_from_view_x,
+            meters_from_view_y,
+            meters_from_view_z,
+            up,
+            altitude,
+            inner_radius,
+            thickness,
+            max_distance,
+            n_slices,
+            exposure,
+            grayness,
+            padding_0,
+            padding_1,
+        }),
         layout!(SplatShadows { cascades, lamps, n_cascades, n_lamps, padding_0, padding_1 }),
     ]
 }
@@ -245,6 +263,44 @@ pub struct SplatShadows {
     pub padding_1: u32,
 }
 
+/// The air of a planet as one camera sees it. Lengths are in meters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SplatAtmosphere {
+    /// The clip space that the table of light is for, from view, first row.
+    pub clip_from_view_x: [f32; 4],
+    /// Second row.
+    pub clip_from_view_y: [f32; 4],
+    /// Fourth row.
+    pub clip_from_view_w: [f32; 4],
+    /// Meters from view, first column; the fourth number is not used.
+    pub meters_from_view_x: [f32; 4],
+    /// Second column.
+    pub meters_from_view_y: [f32; 4],
+    /// Third column.
+    pub meters_from_view_z: [f32; 4],
+    /// Unit vector from the planet's center to the eye, in view space.
+    pub up: [f32; 3],
+    /// Height of the eye above the ground.
+    pub altitude: f32,
+    /// Radius of the planet.
+    pub inner_radius: f32,
+    /// Height of the top of the air above the ground.
+    pub thickness: f32,
+    /// Distance of the end of the last slice of the table of light.
+    pub max_distance: f32,
+    /// Number of slices of that table.
+    pub n_slices: f32,
+    /// The camera's factor on the light of that table.
+    pub exposure: f32,
+    /// 1 if each channel passes by the mean of the three, else 0.
+    pub grayness: f32,
+    /// Unused.
+    pub padding_0: f32,
+    /// Unused.
+    pub padding_1: f32,
+}
+
 /// The constants of the CPU twin.
 pub(super) fn twin_constants() -> String {
     let integers = constants(&[
@@ -260,18 +316,26 @@ pub(super) fn twin_constants() -> String {
         ("BRIGHTEST_SHOWN", twin::BRIGHTEST_SHOWN),
         ("KNEE", twin::KNEE),
         ("CONTRAST_STEP", twin::CONTRAST_STEP),
+        ("FARTHEST_AIR", twin::FARTHEST_AIR),
     ]);
     let [r, g, b] = twin::LINEAR_LUMINANCE.to_array();
     integers + &floats + &format!("const LINEAR_LUMINANCE = vec3<f32>({r:?}, {g:?}, {b:?});\n")
 }
 
-/// Changes the colors of records, in views with shadows on splats or without.
-pub fn light(shadowed: bool) -> Source {
+/// Changes the colors of records, in views with shadows on splats or without, and by cameras in an atmosphere
+/// or outside of any.
+pub fn light(shadowed: bool, aerial: bool) -> Source {
     let sun = match shadowed {
         false => include_str!("../../wgsl/splat_sunless.wgsl"),
         true => include_str!("../../wgsl/splat_sunlit.wgsl"),
     };
+    let air = match aerial {
+        false => include_str!("../../wgsl/splat_airless.wgsl"),
+        true => include_str!("../../wgsl/splat_aerial.wgsl"),
+    };
+    // Those of the atmosphere come first, and bindings have no gaps.
+    let bindings = constants(&[("SHADOW_BINDINGS", if aerial { 11 } else { 8 })]);
     let kernel = include_str!("../../wgsl/splat_light.wgsl");
-    let (constants, regions) = (twin_constants(), layers::regions());
-    source("splat_light", &[&constants, &regions, RECORDS, INVERSE, TONEMAPPING, sun, kernel])
+    let (shared, regions) = (twin_constants(), layers::regions());
+    source("splat_light", &[&bindings, &shared, &regions, RECORDS, INVERSE, TONEMAPPING, sun, air, kernel])
 }

@@ -24,7 +24,7 @@ fn complaint(device: &wgpu::Device, queue: &wgpu::Queue) -> Option<String> {
     let passes = [SplatPass::new(device), SplatPass::by_quads(device)];
     for pass in &passes {
         pass.prepare_masks(device);
-        pass.prepare_light(device, Tonemapping::TonyMcMapface, true);
+        pass.prepare_light(device, Tonemapping::TonyMcMapface, true, true);
         pass.prepare_strokes(device, &[pass.pipeline(device, 1, None)]);
     }
     Composite::new(device);

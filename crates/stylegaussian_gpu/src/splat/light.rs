@@ -1,5 +1,8 @@
 //! The light stage on the GPU: `splat_light`, which tints colors, darkens them in shadow and puts them behind
-//! fog.
+//! fog and the air of an atmosphere.
+//!
+//! The tables of an atmosphere may be made after splats are sorted, so views in one wait for them: see
+//! [`LightStage::encode_waiting`].
 //!
 //! Nothing of it is compiled, allocated or dispatched before a view has any of these.
 
@@ -9,7 +12,7 @@ use glam::{DMat4, Mat3, Vec3};
 use stylegaussian::light::{Falloff, Fog, MAX_SUNS, Tint, TintVolume, steepness};
 use stylegaussian_shaders::splat::light::{
     self as shaders, FALLOFF_ATMOSPHERIC, FALLOFF_EXPONENTIAL, FALLOFF_EXPONENTIAL_SQUARED, FALLOFF_LINEAR,
-    FogSun, SplatLight, SplatShadows,
+    FogSun, SplatAtmosphere, SplatLight, SplatShadows,
 };
 
 use super::{
@@ -21,12 +24,13 @@ use super::{
 };
 use crate::{
     bindings::{
-        Kernel, at_strides, bind_group, one_of, storage_binding, stride, texture_binding, uniform_binding,
-        uniforms_binding,
+        Kernel, at_strides, bind_group, compute_pass, one_of, storage_binding, stride, texture_binding,
+        uniform_binding, uniforms_binding,
     },
     buffers,
 };
 
+pub use aerial::AerialPerspective;
 pub use shadows::Shadows;
 
 /// The light and the air of a view: see [`stylegaussian::light`]. They change the colors of its splats before
@@ -35,6 +39,8 @@ pub use shadows::Shadows;
 pub struct ViewLight {
     /// The air, if there is any. Suns are in world space.
     pub fog: Option<Fog>,
+    /// The atmosphere that the camera is in, if it is in one. It lies before the fog.
+    pub aerial: Option<AerialPerspective>,
     /// The tint of each cloud, in the order of the clouds that are drawn; those without one keep their colors.
     pub tints: Vec<Tint>,
     /// The volumes that tint each cloud, in the same order, of points in the world. None by default.
@@ -56,8 +62,8 @@ pub struct ViewLight {
 #[derive(Debug, Default)]
 pub(super) struct LightStage {
     shared: OnceLock<Shared>,
-    /// Two for each tone mapping, by its number: without shadows and with them.
-    kernels: [[OnceLock<Kernel>; 2]; Tonemapping::N],
+    /// Four for each tone mapping, by its number: without shadows and with them, then both in an atmosphere.
+    kernels: [[OnceLock<Kernel>; 4]; Tonemapping::N],
 }
 
 /// Resources that all of them bind.
@@ -79,7 +85,10 @@ pub(super) struct LitView {
     now: Source,
     drawn: Source,
     uniforms: Option<wgpu::Buffer>,
+    aerial_uniforms: Option<wgpu::Buffer>,
     shadow_uniforms: Option<wgpu::Buffer>,
+    /// Whether the dispatches of this frame wait for the tables of an atmosphere.
+    is_waiting: bool,
     /// The resources that the group was made for, and the group.
     group: Option<(Bound, wgpu::BindGroup)>,
 }
@@ -90,6 +99,7 @@ struct Bound {
     buffers: [wgpu::Buffer; 5],
     tonemapping: Tonemapping,
     table: Option<InverseTable>,
+    air: Option<[wgpu::TextureView; 2]>,
     maps: Option<[wgpu::TextureView; 2]>,
 }
 
@@ -100,6 +110,8 @@ struct Source {
     clouds: Vec<SplatLight>,
     tonemapping: Tonemapping,
     table: Option<InverseTable>,
+    /// The tables of the atmosphere, and its uniforms.
+    aerial: Option<([wgpu::TextureView; 2], SplatAtmosphere)>,
     /// Maps and cubes, and their uniforms.
     shadows: Option<([wgpu::TextureView; 2], SplatShadows)>,
 }
@@ -114,14 +126,25 @@ pub(super) struct LightBuffers<'a> {
 }
 
 impl LightStage {
-    /// The kernel for a tone mapping with or without shadows, which is compiled unless it is there.
-    pub fn kernel(&self, device: &wgpu::Device, tonemapping: Tonemapping, shadowed: bool) -> &Kernel {
-        self.kernels[tonemapping as usize][usize::from(shadowed)].get_or_init(|| {
+    /// The kernel for a tone mapping, with or without shadows and an atmosphere, which is compiled unless it is
+    /// there.
+    pub fn kernel(
+        &self,
+        device: &wgpu::Device,
+        tonemapping: Tonemapping,
+        shadowed: bool,
+        aerial: bool,
+    ) -> &Kernel {
+        let variant = usize::from(shadowed) + 2 * usize::from(aerial);
+        self.kernels[tonemapping as usize][variant].get_or_init(|| {
             let uniforms = uniforms_binding::<SplatLight>();
             let table = InverseTable::binding();
             let (read, write) = (storage_binding(true), storage_binding(false));
             let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
             let mut bindings = vec![uniforms, read, read, write, write, table, table, sampler];
+            if aerial {
+                bindings.extend(AerialPerspective::bindings());
+            }
             if shadowed {
                 let depths = |dimension| texture_binding(wgpu::TextureSampleType::Depth, dimension);
                 bindings.extend([
@@ -134,7 +157,7 @@ impl LightStage {
             let mode = CompositeMode::InvertTonemapping(tonemapping).mode();
             let constants = [("mode", f64::from(mode)), ("curve", f64::from(tonemapping.curve()))];
             let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
-            Kernel::with_options(device, shaders::light(shadowed), &bindings, options)
+            Kernel::with_options(device, shaders::light(shadowed, aerial), &bindings, options)
         })
     }
 
@@ -171,12 +194,16 @@ impl LightStage {
         is_new: bool,
     ) -> bool {
         view.now = view.source(camera, clouds, buffers.strokes.is_some());
-        // What casts shadows may have moved.
-        let is_relit = view.now != view.drawn || view.now.shadows.is_some();
+        // What casts shadows may have moved, and the tables of an atmosphere are made anew in each frame.
+        let is_relit = view.now != view.drawn || view.now.shadows.is_some() || view.now.aerial.is_some();
+        view.is_waiting = view.now.aerial.is_some();
         if !view.now.clouds.is_empty() {
             self.bind(device, view, buffers);
             if let Some(uniforms) = view.uniforms.as_ref().filter(|_| is_relit || is_new) {
                 queue.write_buffer(uniforms, 0, &at_strides(view.now.clouds.iter().copied()));
+            }
+            if let (Some((_, atmosphere)), Some(buffer)) = (&view.now.aerial, &view.aerial_uniforms) {
+                queue.write_buffer(buffer, 0, bytemuck::bytes_of(atmosphere));
             }
             if let (Some((_, shadows)), Some(buffer)) = (&view.now.shadows, &view.shadow_uniforms) {
                 queue.write_buffer(buffer, 0, bytemuck::bytes_of(shadows));
@@ -196,11 +223,12 @@ impl LightStage {
         let shared = self.shared(device);
         let strokes = bound.strokes.unwrap_or(&shared.no_strokes);
         let buffers = [&uniforms, bound.keys, bound.geometry_halves, bound.color_halves, strokes];
-        let Source { tonemapping, table, shadows, .. } = &view.now;
+        let Source { tonemapping, table, aerial, shadows, .. } = &view.now;
         let of = Bound {
             buffers: buffers.map(wgpu::Buffer::clone),
             tonemapping: *tonemapping,
             table: table.clone(),
+            air: aerial.as_ref().map(|(tables, _)| tables.clone()),
             maps: shadows.as_ref().map(|(maps, _)| maps.clone()),
         };
         if view.group.as_ref().is_some_and(|(last, _)| *last == of) {
@@ -213,6 +241,13 @@ impl LightStage {
         let sampler = wgpu::BindingResource::Sampler(&shared.sampler);
         let mut resources =
             vec![one_of::<SplatLight>(&uniforms), keys, geometry, color, strokes, inverse, curve, sampler];
+        if let Some(([light, transmittance], _)) = aerial {
+            let size = size_of::<SplatAtmosphere>() as u64;
+            let create = || buffers::uniforms(device, "splat_atmosphere", size);
+            resources.push(view.aerial_uniforms.get_or_insert_with(create).as_entire_binding());
+            resources.push(wgpu::BindingResource::TextureView(light));
+            resources.push(wgpu::BindingResource::TextureView(transmittance));
+        }
         if let Some(([maps, cubes], _)) = shadows {
             let size = size_of::<SplatShadows>() as u64;
             let create = || buffers::uniforms(device, "splat_shadows", size);
@@ -221,14 +256,33 @@ impl LightStage {
             resources.push(wgpu::BindingResource::Sampler(&shared.shadow_sampler));
             resources.push(wgpu::BindingResource::TextureView(cubes));
         }
-        let layout = &self.kernel(device, *tonemapping, shadows.is_some()).layout;
+        let layout = &self.kernel(device, *tonemapping, shadows.is_some(), aerial.is_some()).layout;
         view.group = Some((of, bind_group(device, "splat_light", layout, &resources)));
     }
 
-    /// Dispatches every cloud that was written.
+    /// Dispatches every cloud that was written, unless they wait.
     pub fn encode(&self, device: &wgpu::Device, pass: &mut wgpu::ComputePass, view: &LitView) {
+        if !view.is_waiting {
+            self.dispatch(device, pass, view);
+        }
+    }
+
+    /// Dispatches every cloud of a view that waits, once. Does nothing for others.
+    pub fn encode_waiting(
+        &self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        view: &mut LitView,
+    ) {
+        if std::mem::take(&mut view.is_waiting) {
+            self.dispatch(device, &mut compute_pass(encoder, "splat_light"), view);
+        }
+    }
+
+    fn dispatch(&self, device: &wgpu::Device, pass: &mut wgpu::ComputePass, view: &LitView) {
         let Some((_, group)) = view.group.as_ref().filter(|_| !view.now.clouds.is_empty()) else { return };
-        let kernel = self.kernel(device, view.now.tonemapping, view.now.shadows.is_some());
+        let Source { tonemapping, aerial, shadows, .. } = &view.now;
+        let kernel = self.kernel(device, *tonemapping, shadows.is_some(), aerial.is_some());
         pass.set_pipeline(&kernel.pipeline);
         for (i, cloud) in view.now.clouds.iter().enumerate() {
             pass.set_bind_group(0, group, &[(i * stride::<SplatLight>()) as u32]);
@@ -248,6 +302,7 @@ impl LitView {
         let is_complete = |wish: &&ViewLight| wish.table.is_some() || !wish.tonemapping.needs_table();
         let Some(wish) = self.wish.as_ref().filter(is_complete) else { return Source::default() };
         let fog = wish.fog.as_ref().filter(|fog| fog.is_finite() && fog.strength > 0.0);
+        let aerial = wish.aerial.as_ref().filter(|aerial| aerial.atmosphere.is_usable());
         let of_view = of_view(camera, wish.exposure, fog);
         let (mut first_record, mut lit) = (0, Vec::new());
         for (i, cloud) in clouds.iter().enumerate().filter(|(_, cloud)| cloud.is_drawable()) {
@@ -256,7 +311,8 @@ impl LitView {
             let amount = wish.shadow_amounts.get(i).filter(|amount| wish.shadows.is_some() && **amount > 0.0);
             let (volumes, n_volumes) =
                 volumes::of_view(wish.volumes.get(i).map_or(&[][..], Vec::as_slice), camera);
-            if fog.is_some() || tint.is_some() || amount.is_some() || n_volumes > 0 {
+            let has_air = fog.is_some() || aerial.is_some();
+            if has_air || tint.is_some() || amount.is_some() || n_volumes > 0 {
                 let [tint_red, tint_green, tint_blue] = rows(tint.unwrap_or(Mat3::IDENTITY));
                 let has_strokes = u32::from(has_strokes && cloud.colors.painted().is_some());
                 lit.push(SplatLight {
@@ -284,6 +340,7 @@ impl LitView {
             clouds: lit,
             tonemapping: wish.tonemapping,
             table: wish.table.clone(),
+            aerial: aerial.map(AerialPerspective::parts),
             shadows: shadows
                 .map(|shadows| ([shadows.maps.clone(), shadows.cubes.clone()], shadows.uniforms(camera))),
         }
@@ -335,6 +392,7 @@ fn of_view(camera: &Camera, exposure: f32, fog: Option<&Fog>) -> SplatLight {
     light
 }
 
+mod aerial;
 mod shadows;
 #[cfg(test)]
 mod tests;

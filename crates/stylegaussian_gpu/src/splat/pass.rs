@@ -105,10 +105,16 @@ impl SplatPass {
         }
     }
 
-    /// Compiles the kernel of light before a tone mapping, with or without shadows, in any thread, while others
-    /// draw. Without this call, the first frame that needs it compiles it.
-    pub fn prepare_light(&self, device: &wgpu::Device, tonemapping: Tonemapping, shadowed: bool) {
-        self.light.kernel(device, tonemapping, shadowed);
+    /// Compiles the kernel of light before a tone mapping, with or without shadows and an atmosphere, in any
+    /// thread, while others draw. Without this call, the first frame that needs it compiles it.
+    pub fn prepare_light(
+        &self,
+        device: &wgpu::Device,
+        tonemapping: Tonemapping,
+        shadowed: bool,
+        aerial: bool,
+    ) {
+        self.light.kernel(device, tonemapping, shadowed, aerial);
     }
 
     /// Compiles what [`draw_edge_layers`](Self::draw_edge_layers) needs, in any thread, while others draw.
@@ -131,7 +137,7 @@ impl SplatPass {
     /// Projects and sorts the splats of `clouds` that `camera` sees, into `view`.
     ///
     /// Skips everything if camera, clouds, colors and light are unchanged, and skips the sort if only colors or
-    /// light changed. With shadows on splats, light always counts as changed.
+    /// light changed. With shadows on splats, and in an atmosphere, light always counts as changed.
     /// Commands must be submitted in the order in which they were encoded, and before `view` is used again,
     /// because uniforms are written by `queue`. Nothing is allocated unless `view` sees more Gaussians, other
     /// clouds or other color buffers than before.
@@ -185,6 +191,18 @@ impl SplatPass {
             self.sort.encode(&mut pass, sort, n_records as u32);
         }
         Ok(())
+    }
+
+    /// Lights the splats of a view in an atmosphere, once its tables are made for this frame. It comes after
+    /// [`project_and_sort`](Self::project_and_sort), which leaves all light of such views to it, and before the
+    /// splats are drawn. Other views stay as they are.
+    pub fn light_in_atmosphere(
+        &self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        view: &mut SplatView,
+    ) {
+        self.light.encode_waiting(device, encoder, &mut view.lit);
     }
 
     /// Finds the light on the records of `clouds`. Returns the change of the frame with that of light.

@@ -54,7 +54,7 @@ pub struct SplatView {
     pub(super) viewport: Option<glam::UVec4>,
     /// Whether this frame shows clouds with strokes.
     is_painted: bool,
-    /// Tints, shadows and fog.
+    /// Tints, shadows, fog and atmosphere.
     pub(super) lit: LitView,
     /// Shares of opacities that are faded out.
     fades: Fades,
@@ -193,8 +193,8 @@ impl SplatView {
         per_record * n_gaussians as u64 + 1024 * (n_gaussians as u64).div_ceil(u64::from(SORT_BATCH))
     }
 
-    /// Sets tints, shadows and fog for all frames until the next call. Without any, which is the default, they
-    /// cost nothing.
+    /// Sets tints, shadows, fog and atmosphere for all frames until the next call. Without any, which is the
+    /// default, they cost nothing.
     pub fn set_light(&mut self, light: Option<ViewLight>) {
         self.lit.set(light);
     }

@@ -73,7 +73,13 @@ impl Stage {
         let settings = SplatSettings::default();
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.pass.project_and_sort(device, queue, &mut encoder, view, camera, &clouds, &settings).unwrap();
+        self.pass.light_in_atmosphere(device, &mut encoder, view);
         queue.submit([encoder.finish()]);
+        self.records(view)
+    }
+
+    /// All records that a view has on the GPU.
+    fn records(&self, view: &SplatView) -> Vec<Shown> {
         let (geometry, colors) = view.records().unwrap();
         let geometry: Vec<[f32; 4]> = read(&self.gpu, geometry);
         let colors: Vec<[u32; 4]> = read(&self.gpu, colors);
@@ -284,4 +290,5 @@ fn curves_with_tables_show_fog() {
     }
 }
 
+mod aerial;
 mod shadows;
