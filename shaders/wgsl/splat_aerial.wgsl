@@ -82,7 +82,7 @@ fn segment_places(ray: vec3<f32>) -> vec4<f32> {
     // The cosine at which a ray touches the ground.
     let meets_ground =
         along < 0.0 && along * along >= altitude * (altitude + 2.0 * atmosphere.inner_radius);
-    let sign = select(1.0, -1.0, meets_ground);
+    let sign = select(1.0f, -1.0f, meets_ground);
     let here = transmittance_place(altitude, sign * along / radius);
     let there = transmittance_place(height_there, sign * mu_there);
     return select(vec4(here, there), vec4(there, here), meets_ground);
@@ -92,12 +92,12 @@ fn segment_places(ray: vec3<f32>) -> vec4<f32> {
 fn behind_atmosphere(air: Air, ray: vec3<f32>) -> Air {
     let place = aerial_place(ray);
     let logarithm = textureSampleLevel(aerial_table, table_sampler, place.xyz, 0.0).rgb;
-    let light = atmosphere.exposure * place.w * exp(logarithm);
+    let added = atmosphere.exposure * place.w * exp(logarithm);
     let places = segment_places(ray);
     let part = textureSampleLevel(transmittance_table, table_sampler, places.xy, 0.0).rgb;
     let whole = textureSampleLevel(transmittance_table, table_sampler, places.zw, 0.0).rgb;
     // Where nothing passes to the top, nothing is known.
     let passed = select(vec3(1.0), min(part / whole, vec3(1.0)), whole > vec3(0.0));
     let share = mix(passed, vec3(dot(passed, vec3(1.0 / 3.0))), atmosphere.grayness);
-    return Air(air.shade, share * air.transmission, share * air.light + light);
+    return Air(air.shade, share * air.transmission, share * air.light + added);
 }

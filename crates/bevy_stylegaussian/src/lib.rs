@@ -34,7 +34,7 @@
 //!   cameras.
 //! - Components of meshes and of skies, with the feature `meshes`: `StyledMesh` and `StyledSky` paint them as a
 //!   capture beside them is.
-//! - Components of cameras: those of [`splats`]; Bevy's `DistanceFog` reaches splats, too.
+//! - Components of cameras: those of [`splats`]; Bevy's `DistanceFog` and `Atmosphere` reach splats, too.
 //! - Parameters of systems: [`SplatRayCast`]. `SplatPickingPlugin` adds Bevy's pointer events to splats.
 //! - Resources: [`StyleMethod`](style::StyleMethod), [`StyleThreads`],
 //!   [`GaussianBudget`](world::GaussianBudget), and those of the [decoder](style::decoder).
@@ -54,11 +54,11 @@
 //! Most apps need no more than [`prelude`].
 //!
 //! With Bevy's `RenderDiagnosticsPlugin`, the times of `splat_project_and_sort`, `splat_draw`, `splat_depth`,
-//! `splat_prepass_depth`, `splat_composite`, `splat_cast`, `style_pass` and `redraw_strokes` are among the
-//! render diagnostics. If several cameras see splats, the names of the second and further ones end with a
-//! number, as in `splat_draw_2`: in the order in which the cameras came, and a camera keeps its number. The sum
-//! is the time of the frame. Shadow maps of spot lights and point lights belong to no camera: there the name of
-//! Bevy's pass follows, as in `splat_cast_shadow_spot_light_0`.
+//! `splat_prepass_depth`, `splat_composite`, `splat_cast`, `style_pass`, `redraw_strokes` and, in an
+//! atmosphere, `splat_light` are among the render diagnostics. If several cameras see splats, the names of the
+//! second and further ones end with a number, as in `splat_draw_2`: in the order in which the cameras came, and
+//! a camera keeps its number. The sum is the time of the frame. Shadow maps of spot lights and point lights
+//! belong to no camera: there the name of Bevy's pass follows, as in `splat_cast_shadow_spot_light_0`.
 //!
 //! The features of cargo, of which all but those of the last two points are defaults:
 //!
@@ -71,7 +71,7 @@
 //! - `picking`: pointer events, with Bevy's feature `bevy_picking`.
 //! - `meshes`: meshes and skies in the same paint, `StyledMesh` and `StyledSky`. It implies `pbr`.
 //! - `pbr`: for games that draw meshes with `bevy_pbr`. Without it, transmissive materials may not see splats,
-//!   and there are no fog and no shadows.
+//!   and there are no fog, no air of an atmosphere and no shadows.
 //! - `webp`, `bmp`, `gif` (the first picture) and `tiff`: read images of these formats, with Bevy's features of
 //!   these names. They imply `images`.
 //! - `onnx`: encoders as `.onnx` files. It implies `images`.

@@ -1,18 +1,27 @@
-//! Bevy's `DistanceFog` and its lights, as splats see them.
+//! Bevy's `DistanceFog`, its `Atmosphere` and its lights, as splats see them.
 
 use bevy::{
     camera::visibility::RenderLayers,
     ecs::system::SystemParam,
     light::spot_light_world_from_view,
-    math::Affine3A,
+    math::{Affine3A, DAffine3, DVec3},
     pbr::{
-        DistanceFog, ExtractedDirectionalLight, ExtractedPointLight, FogFalloff, GlobalClusterableObjectMeta,
-        ViewShadowBindings,
+        DistanceFog, ExtractedAtmosphere, ExtractedDirectionalLight, ExtractedPointLight, FogFalloff,
+        GlobalClusterableObjectMeta, GpuAtmosphereSettings, ViewShadowBindings,
+        resources::AtmosphereTextures,
     },
     prelude::*,
+    render::{
+        camera::ExtractedCamera,
+        diagnostic::RecordDiagnostics,
+        renderer::{RenderContext, RenderDevice, ViewQuery},
+        view::{ExtractedView, RetainedViewEntity},
+    },
 };
-use stylegaussian::light::{Cone, Falloff, Fog, MAX_LAMPS, ShadowCascade, ShadowLamp, Sun};
-use stylegaussian_gpu::splat::Shadows;
+use stylegaussian::light::{Atmosphere, Cone, Falloff, Fog, MAX_LAMPS, ShadowCascade, ShadowLamp, Sun};
+use stylegaussian_gpu::splat::{AerialPerspective, Shadows};
+
+use super::{pipelines::SplatPipelines, view::SplatViews};
 
 /// The fog and the shadow maps of a camera in the render world.
 pub(super) type CameraAir = (Option<&'static DistanceFog>, Option<&'static ViewShadowBindings>);
@@ -156,4 +165,79 @@ impl GameLights<'_, '_> {
             exponent: fog.directional_light_exponent,
         })
     }
+}
+
+/// A camera in an atmosphere.
+type AerialCamera = (
+    &'static ExtractedView,
+    &'static ExtractedCamera,
+    &'static ExtractedAtmosphere,
+    &'static GpuAtmosphereSettings,
+    &'static AtmosphereTextures,
+);
+
+/// The cameras in Bevy's atmospheres.
+#[derive(SystemParam)]
+pub(super) struct Atmospheres<'w, 's> {
+    cameras: Query<'w, 's, AerialCamera>,
+    device: Res<'w, RenderDevice>,
+}
+
+/// Least height of an eye above the ground, in meters, as in the shaders of Bevy's atmosphere.
+const LEAST_ALTITUDE: f64 = 1.0;
+
+impl Atmospheres<'_, '_> {
+    /// The atmosphere before a view, if its camera is in one. Bevy may give it other textures in each frame,
+    /// and has done so once resources are prepared.
+    pub(super) fn of(&self, view: &RetainedViewEntity) -> Option<AerialPerspective> {
+        let (view, camera, planet, settings, tables) =
+            self.cameras.iter().find(|(camera, ..)| camera.retained_view_entity == *view)?;
+        // In f64: the planet's center is far away, and its ground is near.
+        let atmosphere_from_world = DAffine3::from_mat4(planet.world_to_atmosphere.as_dmat4());
+        let world_from_view = view.world_from_view.affine();
+        let turn = Mat3::from(world_from_view.matrix3).as_dmat3();
+        let eye = atmosphere_from_world.transform_point3(view.world_from_view.translation().as_dvec3());
+        let altitude = (eye.length() - f64::from(planet.inner_radius)).max(LEAST_ALTITUDE);
+        // Rigid, so its inverse is its transpose.
+        let up = turn.transpose() * eye.normalize_or(DVec3::Y);
+        let can_blend_channels = self.device.features().contains(wgpu::Features::DUAL_SOURCE_BLENDING);
+        let atmosphere = Atmosphere {
+            inner_radius: planet.inner_radius,
+            thickness: planet.outer_radius - planet.inner_radius,
+            altitude: altitude as f32,
+            up: up.as_vec3(),
+            meters_from_view: (atmosphere_from_world.matrix3 * turn).as_mat3(),
+            clip_from_view: view.clip_from_view,
+            max_distance: settings.aerial_view_lut_max_distance,
+            n_slices: settings.aerial_view_lut_size.z,
+            exposure: camera.exposure,
+            // As Bevy does for meshes.
+            is_gray: !can_blend_channels,
+        };
+        Some(AerialPerspective {
+            atmosphere,
+            light: (*tables.aerial_view_lut.default_view).clone(),
+            transmittance: (*tables.transmittance_lut.default_view).clone(),
+        })
+    }
+}
+
+/// Lights the splats of a camera in an atmosphere. Bevy makes its tables after the prepass, in which splats are
+/// sorted, and before the main pass, in which they are drawn.
+pub(super) fn light_in_atmosphere(
+    view: ViewQuery<&ExtractedView, With<AtmosphereTextures>>,
+    mut views: ResMut<SplatViews>,
+    pipelines: Res<SplatPipelines>,
+    device: Res<RenderDevice>,
+    mut context: RenderContext,
+) {
+    let key = view.into_inner().retained_view_entity;
+    let Some(splats) = views.get_mut(&key).filter(|splats| splats.plan.is_some()) else { return };
+    let Some(passes) = pipelines.passes() else { return };
+    let diagnostics = context.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let encoder = context.command_encoder();
+    let span = diagnostics.time_span(encoder, splats.span("splat_light"));
+    passes.splat.light_in_atmosphere(device.wgpu_device(), encoder, &mut splats.buffers);
+    span.end(encoder);
 }

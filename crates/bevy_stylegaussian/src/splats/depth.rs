@@ -4,7 +4,8 @@
 //! The prepass is written before the opaque pass, so that ambient occlusion and contact shadows see splats, and
 //! its depth is read by nothing that draws opaque meshes themselves. Only deferred lighting takes places from
 //! it, so those of a deferred camera are written after that. The camera's own depth is written once the splats
-//! are drawn. Transparent meshes, depth of field, motion blur and volumetric fog come later.
+//! are drawn, after the air of Bevy's `Atmosphere`, which splats have by themselves. Transparent meshes, depth
+//! of field, motion blur and volumetric fog come later.
 
 use bevy::{
     core_pipeline::{
@@ -36,7 +37,8 @@ use super::{pipelines::SplatPipelines, view::SplatViews};
 /// on. A component of the camera. Cameras without it pay nothing.
 ///
 /// A pixel's depth is that of the splat, from the nearest on, behind which less than `threshold` of the light
-/// passes. Where there is none, such as in thin smoke, and where a mesh is nearer, nothing is written.
+/// passes. Where there is none, such as in thin smoke, and where a mesh is nearer, nothing is written. Fog and
+/// the air of Bevy's `Atmosphere` are on splats with it as without.
 ///
 /// A transparent mesh is drawn over all splats of a pixel if it is before that depth, and not at all if it is
 /// behind. So it is as sharp as an opaque mesh where the splats are a surface.

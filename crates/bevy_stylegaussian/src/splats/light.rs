@@ -1,5 +1,5 @@
-//! Light and air of splats: the tints of entities and of parts of them, shadows on them, and the fog of
-//! cameras.
+//! Light and air of splats: the tints of entities and of parts of them, shadows on them, and the fog and the
+//! atmosphere of cameras.
 //!
 //! Views without either have nothing of it: no pipeline, no buffer, no dispatch.
 
@@ -26,7 +26,7 @@ use crate::{
 };
 
 use super::{
-    air::{CameraAir, GameLights},
+    air::{Atmospheres, CameraAir, GameLights},
     pipelines::{Luts, Part, SplatPipelines},
     view,
 };
@@ -99,7 +99,15 @@ pub(super) fn extract_cloud_lights(
 
 /// The light of the views that have any, without what differs between their clouds.
 #[derive(Resource, Default)]
-pub(super) struct SplatLights(HashMap<RetainedViewEntity, ViewLight>);
+pub(super) struct SplatLights(HashMap<RetainedViewEntity, PreparedLight>);
+
+/// The light of a view.
+struct PreparedLight {
+    /// Without the atmosphere, whose textures are not known yet.
+    light: ViewLight,
+    /// Whether the camera is in one.
+    in_atmosphere: bool,
+}
 
 /// The components of a camera in the render world that its light depends on.
 type LitCamera = (
@@ -116,6 +124,7 @@ type LitCamera = (
 pub(super) fn prepare_lights(
     cameras: Query<LitCamera, With<Camera3d>>,
     game: GameLights,
+    atmospheres: Atmospheres,
     clouds: Res<CloudLights>,
     mut lights: ResMut<SplatLights>,
     mut pipelines: ResMut<SplatPipelines>,
@@ -133,7 +142,8 @@ pub(super) fn prepare_lights(
         let fog = game.fog(air, layers, camera.exposure);
         let eye = extracted.world_from_view.translation();
         let shadows = is_shadowed.then(|| game.shadows(air, layers, entity, eye)).flatten();
-        if fog.is_none() && shadows.is_none() && !has_tints {
+        let in_atmosphere = atmospheres.of(&extracted.retained_view_entity).is_some();
+        if fog.is_none() && shadows.is_none() && !has_tints && !in_atmosphere {
             continue;
         }
         // Without tonemapping, Bevy does not apply the exposure of color grading either.
@@ -141,14 +151,14 @@ pub(super) fn prepare_lights(
             Some(&tonemapping) => (view::method(tonemapping), extracted.color_grading.global.exposure),
             None => (splat::Tonemapping::None, 0.0),
         };
-        let part = Part::Light(tonemapping, shadows.is_some());
+        let part = Part::Light(tonemapping, shadows.is_some(), in_atmosphere);
         let is_ready = pipelines.request_part(device, *synchronous, part);
         let has_table = !tonemapping.needs_table()
             || pipelines.request_table(device, &queue, *synchronous, tonemapping, &luts);
         if is_ready && has_table {
             let table = pipelines.table(tonemapping).cloned();
             let light = ViewLight { fog, shadows, tonemapping, exposure, table, ..ViewLight::default() };
-            lights.0.insert(extracted.retained_view_entity, light);
+            lights.0.insert(extracted.retained_view_entity, PreparedLight { light, in_atmosphere });
         }
     }
 }
@@ -162,18 +172,24 @@ pub(super) struct Lights<'w> {
 
 impl Lights<'_> {
     /// The light of a view that draws these clouds, if it has any.
-    pub(super) fn of(&self, view: &RetainedViewEntity, clouds: &[MainEntity]) -> Option<ViewLight> {
-        let light = self.of_view.0.get(view)?.clone();
+    pub(super) fn of(
+        &self,
+        view: &RetainedViewEntity,
+        clouds: &[MainEntity],
+        atmospheres: &Atmospheres,
+    ) -> Option<ViewLight> {
+        let PreparedLight { light, in_atmosphere } = self.of_view.0.get(view)?;
         let lit: Vec<CloudLight> =
             clouds.iter().map(|cloud| self.clouds.of_all.get(cloud).copied().unwrap_or_default()).collect();
         Some(ViewLight {
+            aerial: in_atmosphere.then(|| atmospheres.of(view)).flatten(),
             volumes: clouds
                 .iter()
                 .map(|cloud| self.clouds.volumes.get(cloud).cloned().unwrap_or_default())
                 .collect(),
             tints: lit.iter().map(|cloud| cloud.tint).collect(),
             shadow_amounts: lit.iter().map(|cloud| cloud.shadow_amount).collect(),
-            ..light
+            ..light.clone()
         })
     }
 }

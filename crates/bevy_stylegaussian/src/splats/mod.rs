@@ -143,6 +143,10 @@ impl Plugin for SplatsPlugin {
         #[cfg(feature = "pbr")]
         {
             let render_app = app.sub_app_mut(RenderApp);
+            render_app.add_systems(
+                Core3d,
+                air::light_in_atmosphere.before(DrawsSplats).in_set(Core3dSystems::MainPass),
+            );
             // What transmissive materials refract has been drawn before.
             render_app.configure_sets(Core3d, DrawsSplats.before(bevy::pbr::main_transmissive_pass_3d));
             cast::add_to(render_app);

@@ -20,6 +20,7 @@ use crate::{
 };
 
 use super::{
+    air::Atmospheres,
     eyes::Pair,
     fade::CloudFades,
     light::Lights,
@@ -47,6 +48,7 @@ pub(super) fn sort_splats(
     clock: Res<StrokeClock>,
     masks: Res<RenderMasks>,
     lights: Lights,
+    atmospheres: Atmospheres,
     fades: Res<CloudFades>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
@@ -78,11 +80,11 @@ pub(super) fn sort_splats(
                 Some(splat::Cloud { scene, colors, world_from_scene: cloud.world_from_scene, visibility })
             })
             .collect();
-        splats.buffers.set_light(lights.of(&key, &entities));
+        splats.buffers.set_light(lights.of(&key, &entities, &atmospheres));
         splats.buffers.set_faded(fades.of(&entities));
         if let Some((pair, other)) = &mut other {
             other.buffers.set_faded(fades.of(&entities));
-            other.buffers.set_light(lights.of(&pair.other, &entities));
+            other.buffers.set_light(lights.of(&pair.other, &entities, &atmospheres));
         }
         let diagnostics = context.diagnostic_recorder();
         let mut gpu = Gpu {

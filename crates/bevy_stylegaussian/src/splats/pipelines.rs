@@ -46,8 +46,8 @@ pub(super) enum Part {
     Eyes,
     /// The pipelines of layers of half the size.
     Half,
-    /// The kernel of light before a tonemapping, without shadows or with.
-    Light(Tonemapping, bool),
+    /// The kernel of light before a tonemapping, without shadows or with, and without an atmosphere or in one.
+    Light(Tonemapping, bool, bool),
     /// The pipelines that draw strokes, of which one is a part of the draw.
     Strokes,
 }
@@ -130,8 +130,8 @@ impl SplatPipelines {
                 Part::Masks => passes.splat.prepare_masks(&device),
                 Part::Eyes => passes.splat.prepare_eyes(&device),
                 Part::Half => passes.splat.prepare_half(&device),
-                Part::Light(tonemapping, shadowed) => {
-                    passes.splat.prepare_light(&device, tonemapping, shadowed);
+                Part::Light(tonemapping, shadowed, aerial) => {
+                    passes.splat.prepare_light(&device, tonemapping, shadowed, aerial);
                 }
                 Part::Strokes => passes.splat.prepare_strokes(&device, draw.as_slice()),
             })

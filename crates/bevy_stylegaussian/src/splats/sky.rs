@@ -15,7 +15,8 @@ use super::pass::draw_splats;
 
 /// Orders `drawing`, the set of what draws splats, after everything that comes between opaque and transparent
 /// meshes, such as the sky of Bevy's `Atmosphere`. If a pixel has no depth, the sky adds its light to whatever
-/// color is there. The sky's system has no public name, so it is found by its place in the schedule, once
+/// color is there, and else the air before that depth. Splats have their own air, so they and their depth come
+/// later. The sky's system has no public name, so it is found by its place in the schedule, once
 /// plugins have added theirs.
 pub(super) fn draw_over(render_app: &mut SubApp, drawing: InternedSystemSet) {
     let mut schedules = render_app.world_mut().resource_mut::<Schedules>();

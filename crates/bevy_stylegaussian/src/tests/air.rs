@@ -1,4 +1,5 @@
-//! Tints, shadows and fog: splats against meshes of the same color at the same place, and against formulas.
+//! Tints, shadows, fog and atmospheres: splats against meshes of the same color at the same place, and against
+//! formulas.
 
 use bevy::{
     camera::Hdr,
@@ -6,7 +7,7 @@ use bevy::{
     light::{
         Atmosphere, CascadeShadowConfigBuilder, DirectionalLightShadowMap, atmosphere::ScatteringMedium,
     },
-    pbr::{AtmosphereSettings, DistanceFog, FogFalloff},
+    pbr::{AtmosphereMode, AtmosphereSettings, DistanceFog, FogFalloff},
     prelude::*,
     render::{RenderApp, renderer::RenderAdapterInfo},
 };
@@ -17,8 +18,8 @@ use crate::{
 };
 
 use super::{
-    pictures::{EYE, RED, Studio, pixel},
-    world::*,
+    pictures::{EYE, RED, SIZE, Studio, pixel},
+    world::{rendering::render_target, *},
 };
 
 /// The pixel in the middle of the mesh, and of the splats at its mirror image.
@@ -200,29 +201,56 @@ fn meshes_cast_shadows_on_splats_that_receive_them() {
     assert!(studio.shoot() == plain);
 }
 
-/// The sky of Bevy's atmosphere lies behind splats, with their depth or without, and is not added to them.
-#[test]
-fn the_sky_of_an_atmosphere_is_behind_splats() {
-    let Some(mut studio) = Studio::new() else { return };
-    if studio.app.world().resource::<RenderAdapterInfo>().device_type == wgpu::DeviceType::Cpu {
+/// The light of a sun in these tests, in lux. It is weak, so that nothing is white.
+const SUNLIGHT: f32 = 5000.0;
+
+/// Whether Bevy's atmosphere can be drawn. If it cannot, it prints `SKIPPED`.
+fn can_draw_atmospheres(studio: &Studio) -> bool {
+    let is_software = studio.app.world().resource::<RenderAdapterInfo>().device_type == wgpu::DeviceType::Cpu;
+    if is_software {
         // Mesa's driver of LLVM 15 ends the process when it draws Bevy's atmosphere.
         eprintln!("SKIPPED: an atmosphere is not safe to draw on the CPU");
-        return;
     }
-    let camera = studio.camera(EYE, (Msaa::Off, Tonemapping::Reinhard, Hdr, DebandDither::Disabled));
-    let sun = DirectionalLight { illuminance: light_consts::lux::RAW_SUNLIGHT, ..default() };
-    let above = Transform::from_xyz(1.0, 4.0, 2.0).looking_at(Vec3::ZERO, Vec3::Y);
-    studio.app.world_mut().spawn((sun, above));
-    studio.splats(solid(Vec3::ZERO, RED), Transform::default());
-    let plain = studio.shoot();
+    !is_software
+}
+
+/// Spawns a sun at `sun`, and an atmosphere of the earth where a unit of the world is so many meters and the
+/// origin is as many above the ground.
+fn add_atmosphere(studio: &mut Studio, sun: Vec3, meters: f32) {
     let medium = add(&mut studio.app, ScatteringMedium::default());
-    studio.app.world_mut().spawn(Atmosphere::earth(medium));
-    studio.app.world_mut().entity_mut(camera).insert(AtmosphereSettings::default());
+    let earth = Atmosphere::earth(medium);
+    let center = Vec3::NEG_Y * (earth.inner_radius / meters + 1.0);
+    let place = Transform::from_translation(center).with_scale(Vec3::splat(1.0 / meters));
+    let light = DirectionalLight { illuminance: SUNLIGHT, ..default() };
+    let world = studio.app.world_mut();
+    world.spawn((light, Transform::from_translation(sun).looking_at(Vec3::ZERO, Vec3::Y)));
+    world.spawn((earth, place, GlobalTransform::from(place)));
+}
+
+/// Lets a camera see the atmosphere.
+fn enter_atmosphere(studio: &mut Studio, camera: Entity, rendering_method: AtmosphereMode) {
+    let settings = AtmosphereSettings { rendering_method, ..default() };
+    studio.app.world_mut().entity_mut(camera).insert(settings);
     // Its shaders are assets, which are loaded in the background.
     for _ in 0..40 {
         studio.app.update();
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
+}
+
+/// The sky of Bevy's atmosphere lies behind splats, with their depth or without, and is not added to them. Of
+/// its air, the ten meters before them are not seen.
+#[test]
+fn the_sky_of_an_atmosphere_is_behind_splats() {
+    let Some(mut studio) = Studio::new() else { return };
+    if !can_draw_atmospheres(&studio) {
+        return;
+    }
+    let camera = studio.camera(EYE, (Msaa::Off, Tonemapping::Reinhard, Hdr, DebandDither::Disabled));
+    studio.splats(solid(Vec3::ZERO, RED), Transform::default());
+    let plain = studio.shoot();
+    add_atmosphere(&mut studio, Vec3::new(1.0, 4.0, 2.0), 1.0);
+    enter_atmosphere(&mut studio, camera, AtmosphereMode::LookupTexture);
     for depth in [false, true] {
         if depth {
             studio.app.world_mut().entity_mut(camera).insert(SplatDepth::default());
@@ -232,4 +260,44 @@ fn the_sky_of_an_atmosphere_is_behind_splats() {
         assert!(sky[2] > 0.1, "the sky is {sky:?}");
         near("before the sky", pixel(&picture, 32, 32), pixel(&plain, 32, 32), 2.0);
     }
+}
+
+/// A mesh and splats of its color, ten kilometers away, have one color in the air of Bevy's atmosphere, and the
+/// splats have it once if they write depth. A camera outside of the atmosphere sees them as before.
+#[test]
+fn air_reaches_splats_as_it_reaches_meshes() {
+    let Some(mut studio) = Studio::new() else { return };
+    if !can_draw_atmospheres(&studio) {
+        return;
+    }
+    studio.cuboid(Vec3::new(1.0, 1.0, 0.02), Vec3::new(1.0, 0.0, -0.01), RED, 1.0);
+    let look = (Msaa::Off, Tonemapping::Reinhard, Hdr, DebandDither::Disabled);
+    let camera = studio.camera(EYE, look);
+    let outside = render_target(&mut studio.app, SIZE);
+    studio.camera_on(&outside, EYE, look);
+    let color = at(&studio.shoot(), MESH);
+    studio.splats(solid(Vec3::new(-1.0, 0.0, 0.0), color), Transform::default());
+    while drain::<GaussianSceneReady>(&mut studio.app).is_empty() {
+        studio.app.update();
+    }
+    let plain = studio.shoot();
+    let from_outside = studio.shoot_on(&outside);
+    near("without air", at(&plain, SPLATS), color, 2.0);
+    near("outside", at(&from_outside, SPLATS), color, 2.0);
+    // Both are at one angle to the sun.
+    add_atmosphere(&mut studio, Vec3::new(0.0, 1.0, -1.0), 1000.0);
+    for (method, steps) in [(AtmosphereMode::LookupTexture, 8.0), (AtmosphereMode::Raymarched, 15.0)] {
+        enter_atmosphere(&mut studio, camera, method);
+        let what = ["tables", "marched rays"][method as usize];
+        studio.app.world_mut().entity_mut(camera).remove::<SplatDepth>();
+        let picture = studio.shoot();
+        let expected = at(&picture, MESH);
+        let change = (0..3).map(|i| (expected[i] - color[i]).abs()).fold(0.0, f32::max);
+        assert!(change > 0.1, "{what}: air is hardly seen, {color:?} and {expected:?}");
+        let found = at(&picture, SPLATS);
+        near(what, found, expected, steps);
+        studio.app.world_mut().entity_mut(camera).insert(SplatDepth::default());
+        near("with depth", at(&studio.shoot(), SPLATS), found, 1.0);
+    }
+    assert!(studio.shoot_on(&outside) == from_outside, "a camera outside of the atmosphere sees it");
 }
