@@ -3,9 +3,12 @@
 use anyhow::Result;
 use bevy::{
     camera::Viewport,
-    pbr::{DistanceFog, FogFalloff, ScreenSpaceAmbientOcclusion},
+    core_pipeline::tonemapping::Tonemapping,
+    light::{Atmosphere, atmosphere::ScatteringMedium},
+    pbr::{AtmosphereSettings, DistanceFog, FogFalloff, ScreenSpaceAmbientOcclusion},
     post_process::dof::DepthOfField,
     prelude::*,
+    render::renderer::RenderAdapterInfo,
 };
 use bevy_stylegaussian::prelude::*;
 
@@ -51,6 +54,32 @@ pub fn fog(studio: &mut Studio) -> Result<()> {
     studio.garden(());
     cubes(studio);
     studio.shoot_and_save("fog")
+}
+
+/// The island as if it were a hundred kilometers wide, early in the morning.
+pub fn air(studio: &mut Studio) -> Result<()> {
+    // Mesa's driver of LLVM 15 ends the process when it draws Bevy's atmosphere.
+    let adapter = &studio.app.world().resource::<RenderAdapterInfo>().name;
+    if adapter.starts_with("llvmpipe") {
+        eprintln!("SKIPPED: air, since an atmosphere is not safe to draw on {adapter}");
+        return Ok(());
+    }
+    const METERS: f32 = 4000.0;
+    let (eye, to) = (Vec3::new(0.0, 2.2, 9.6), Vec3::new(0.0, 1.1, 0.0));
+    studio.camera(eye, to, (AtmosphereSettings::default(), Tonemapping::TonyMcMapface));
+    let medium =
+        studio.app.world_mut().resource_mut::<Assets<ScatteringMedium>>().add(ScatteringMedium::default());
+    let earth = Atmosphere::earth(medium);
+    let center = Vec3::NEG_Y * (earth.inner_radius / METERS + 1.0);
+    studio.spawn((earth, Transform::from_translation(center).with_scale(Vec3::splat(1.0 / METERS))));
+    let light = DirectionalLight { illuminance: 8000.0, ..default() };
+    studio.spawn((light, Transform::from_xyz(-5.0, 1.6, 5.0).looking_at(Vec3::ZERO, Vec3::Y)));
+    studio.insert(studio.sky, Visibility::Hidden);
+    studio.garden(());
+    cubes(studio);
+    studio.shoot_and_save("air")?;
+    studio.insert(studio.sky, Visibility::Inherited);
+    Ok(())
 }
 
 pub fn two_clouds(studio: &mut Studio) -> Result<()> {

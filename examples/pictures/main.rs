@@ -55,8 +55,9 @@ const MIDDLE: Vec3 = Vec3::new(0.0, 0.4, 0.0);
 fn main() -> Result<()> {
     let out = env::args().nth(1).unwrap_or_else(|| "docs/features".into());
     let (begun, mut studio) = (Instant::now(), Studio::new(Path::new(&out))?);
-    let all: [fn(&mut Studio) -> Result<()>; 19] = [
+    let all: [fn(&mut Studio) -> Result<()>; 20] = [
         light::fog,
+        light::air,
         light::two_clouds,
         light::depth_of_field,
         light::ambient_occlusion,
