@@ -24,13 +24,10 @@ mod tests;
 mod volume;
 
 pub use atmosphere::{Atmosphere, FARTHEST_AIR};
-pub use display::{BRIGHTEST_SHOWN, Curve, Display, KNEE};
+pub use display::{BRIGHTEST_SHOWN, Curve, Display, KNEE, LINEAR_LUMINANCE};
 pub use lamp::{Cone, MAX_LAMPS, ShadowLamp};
 pub use shadow::{MAX_CASCADES, ShadowCascade, in_shadow};
 pub use volume::{MAX_TINT_VOLUMES, TintVolume, tint_at};
-
-/// Weights of red, green and blue in luminance, by Rec. 709, for linear colors.
-pub const LINEAR_LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 
 /// Half the step of the difference quotient of [`Lit::contrast`]: about the amplitude of strokes, whose
 /// contrast it is to be.

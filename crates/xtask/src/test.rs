@@ -96,8 +96,8 @@ fn tests(steps: &mut Steps) -> Result<()> {
     steps.run_keeping("doc tests", keep_colors(&mut doc), |line| line.starts_with("test result"))
 }
 
-/// Draws Bevy's atmosphere on SwiftShader, which comes with Chromium: on Mesa's software driver, these tests skip
-/// themselves.
+/// Draws Bevy's atmosphere on SwiftShader, which comes with Chromium: on Mesa's software driver, these tests
+/// skip themselves.
 fn tests_in_atmospheres(steps: &mut Steps) -> Result<()> {
     let driver = Path::new("/usr/lib/chromium/vk_swiftshader_icd.json");
     if !driver.is_file() {

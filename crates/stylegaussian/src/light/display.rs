@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 
-use super::LINEAR_LUMINANCE;
+/// Weights of red, green and blue in luminance, by Rec. 709, for linear colors.
+pub const LINEAR_LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 
 /// The brightest scene color that an inverse gives, in c = x / (1 + x). Curves never reach 1, or only from
 /// hundreds on: undone as it is, one white splat would give as much light to bloom as a lamp.
