@@ -1,23 +1,25 @@
 //! Levels of detail: fewer Gaussians that look like all of them from farther away.
 //!
 //! Gaussians that are near one another and alike become one. Seen along a unit vector d, a Gaussian with
-//! opacity o, covariance S and deviations a, b, c takes away the light 2 pi o sqrt(d . cof(S) d), the integral
-//! of its alpha over the picture. The mean of d . cof(S) d over all d is a third of the trace of cof(S), so up
-//! to a factor that all have in common, the light is
+//! opacity o, covariance S and deviations a, b, c has the optical depth 2 pi Li2(o) sqrt(d . cof(S) d), summed
+//! over the picture, where Li2 is the dilogarithm. The mean of d . cof(S) d over all d is a third of the trace
+//! of cof(S), so up to a factor that all have in common, the depth is
 //!
 //! ```text
-//! w = o A          A^2 = (a^2 b^2 + b^2 c^2 + c^2 a^2) / 3
+//! t = Li2(o) A          A^2 = (a^2 b^2 + b^2 c^2 + c^2 a^2) / 3
 //! ```
 //!
-//! A group is replaced by the Gaussian with the mean and the covariance of the mixture, weighted by light, and
-//! with its light while that needs no opacity above 1:
+//! With w the light that a Gaussian takes away from views around the scene, others being before it, a group is
+//! replaced by the Gaussian with the mean and the covariance of the mixture, weighted by that light, and with
+//! the depth of all while that needs no opacity above 1:
 //!
 //! ```text
 //! W = sum w_i          m = sum w_i m_i / W          S = sum w_i (S_i + (m_i - m) (m_i - m)^T) / W
-//! o = min(1, W / A)
+//! Li2(o) = min(Li2(1), sum t_i / A)
 //! ```
 //!
-//! Spherical harmonics, features, extra inputs and masks are means by the same weights.
+//! So what is within a thing, and often dark, gives its outside no color. Spherical harmonics, features, extra
+//! inputs and masks are means by the same weights.
 //!
 //! Groups grow by pairs, in rounds. A pair costs what its means, covariances and colors differ by:
 //!
@@ -44,8 +46,13 @@ use crate::{
     work::{Canceled, Work},
 };
 
+mod opacity;
+mod sight;
 #[cfg(test)]
 mod tests;
+
+/// Share of the time in which views are looked at.
+const VIEWS: f32 = 0.5;
 
 /// Groups on either side along the curve in which a partner is looked for. With cells of 2 x 2 x 2, those are
 /// the neighbors in the same cell.
@@ -74,8 +81,8 @@ struct Group {
     covariance: DMat3,
     /// Sum of w, [`NO_LIGHT`] at least for each Gaussian.
     weight: f64,
-    /// Sum of w.
-    light: f64,
+    /// Sum of t.
+    depth: f64,
     color: Vec3,
     /// The largest of its Gaussians.
     opacity: f32,
@@ -95,14 +102,23 @@ struct Group {
 /// # Panics
 /// If the arrays of `scene` do not fit one another.
 pub fn merge(scene: &Scene, n: usize, work: &Work) -> Result<Scene, Canceled> {
+    if scene.len() <= n.max(1) {
+        return merge_by(scene, &vec![NO_LIGHT; scene.len()], n, work);
+    }
     let lights: Vec<f64> = (0..scene.len()).into_par_iter().map(|i| light(scene, i)).collect();
-    let weights: Vec<f64> = lights.par_iter().map(|light| light.max(NO_LIGHT)).collect();
+    let seen = sight::seen(scene, &lights, &work.part(0.0, VIEWS))?;
+    let weights: Vec<f64> = seen.into_iter().map(|light| light.max(NO_LIGHT)).collect();
+    merge_by(scene, &weights, n, &work.part(VIEWS, 1.0))
+}
+
+/// As [`merge`], by these `weights` `[N]`.
+fn merge_by(scene: &Scene, weights: &[f64], n: usize, work: &Work) -> Result<Scene, Canceled> {
     let colors = scene.base_colors();
     let single = |i: usize| Group {
         mean: scene.means[i].as_dvec3(),
         covariance: covariance(scene, i),
         weight: weights[i],
-        light: lights[i],
+        depth: depth(scene, i),
         color: Vec3::from(colors[i]),
         opacity: scene.opacities[i],
         is_single: true,
@@ -121,12 +137,19 @@ pub fn merge(scene: &Scene, n: usize, work: &Work) -> Result<Scene, Canceled> {
         group_from_gaussian.par_iter_mut().for_each(|group| *group = next_from_group[*group as usize]);
     }
     let members = Members::new(&group_from_gaussian, groups.len());
-    Ok(assembled(scene, &groups, &members, &weights))
+    Ok(assembled(scene, &groups, &members, weights))
 }
 
-/// The light that Gaussian `i` takes away, up to a common factor.
+/// The light that Gaussian `i` takes away alone, in the mean over all directions: its alpha, summed over the
+/// picture, over 2 pi.
 fn light(scene: &Scene, i: usize) -> f64 {
     f64::from(scene.opacities[i]) * area(scene.scales[i].as_dvec3() * scene.scales[i].as_dvec3())
+}
+
+/// t of Gaussian `i`.
+fn depth(scene: &Scene, i: usize) -> f64 {
+    let area = area(scene.scales[i].as_dvec3() * scene.scales[i].as_dvec3());
+    opacity::depth(f64::from(scene.opacities[i])) * area
 }
 
 /// A, from the variances along the axes.
@@ -266,7 +289,7 @@ impl Group {
             mean: self.mean + share * step,
             covariance: covariance + share * (1.0 - share) * outer(step),
             weight,
-            light: self.light + other.light,
+            depth: self.depth + other.depth,
             color: self.color.lerp(other.color, share as f32),
             opacity: self.opacity.max(other.opacity),
             is_single: false,
@@ -337,9 +360,9 @@ fn assembled(scene: &Scene, groups: &[Group], members: &Members, weights: &[f64]
                 }
                 let variances = variances.max(DVec3::ZERO);
                 let area = area(variances);
-                // Points and lines take no light away, whatever their opacity.
+                // Points and lines have no depth, whatever their opacity.
                 let opacity =
-                    if area > 0.0 { (moments.light / area).min(1.0) as f32 } else { moments.opacity };
+                    if area > 0.0 { opacity::opacity(moments.depth / area) as f32 } else { moments.opacity };
                 let rotation = DQuat::from_mat3(&axes).normalize().as_quat();
                 let scales = DVec3::from(variances.to_array().map(f64::sqrt)).as_vec3();
                 (moments.mean.as_vec3(), rotation, scales, opacity)

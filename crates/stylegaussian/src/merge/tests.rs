@@ -32,13 +32,21 @@ fn merged(scene: &Scene, n: usize) -> Scene {
     merged
 }
 
-/// Light, mean and second moments about 0 of all Gaussians, by the definition.
+/// As if all were seen as they are alone.
+fn merged_by_depth(scene: &Scene, n: usize) -> Scene {
+    let weights: Vec<f64> = (0..scene.len()).map(|i| depth(scene, i)).collect();
+    let merged = merge_by(scene, &weights, n, &Work::default()).unwrap();
+    merged.validate().unwrap();
+    merged
+}
+
+/// Depth, mean and second moments about 0 of all Gaussians, by the definition.
 fn moments(scene: &Scene) -> (f64, DVec3, DMat3) {
     let mut sums = (0.0, DVec3::ZERO, DMat3::ZERO);
     for i in 0..scene.len() {
         let s = scene.scales[i].as_dvec3();
         let area = ((s.x * s.y).powi(2) + (s.y * s.z).powi(2) + (s.z * s.x).powi(2)) / 3.0;
-        let (w, m) = (f64::from(scene.opacities[i]) * area.sqrt(), scene.means[i].as_dvec3());
+        let (w, m) = (opacity::depth(f64::from(scene.opacities[i])) * area.sqrt(), scene.means[i].as_dvec3());
         sums.0 += w;
         sums.1 += w * m;
         sums.2 += w * (covariance(scene, i) + outer(m));
@@ -50,13 +58,13 @@ fn moments(scene: &Scene) -> (f64, DVec3, DMat3) {
 fn moments_of_the_mixture_are_kept() {
     // So faint that no opacity ends at 1.
     let scene = sphere(1000, 0.02);
-    let (light, mean, second) = moments(&scene);
+    let (depth, mean, second) = moments(&scene);
     for n in [500, 100, 7, 1] {
-        let level = merged(&scene, n);
+        let level = merged_by_depth(&scene, n);
         assert_eq!(level.len(), n);
         let found = moments(&level);
-        // The last ones are as wide as the sphere, so that they keep the light even at a low opacity.
-        assert!((found.0 / light - 1.0).abs() < 1e-5, "{n}: {} and {light}", found.0);
+        // The last ones are as wide as the sphere, so that they keep the depth even at a low opacity.
+        assert!((found.0 / depth - 1.0).abs() < 1e-5, "{n}: {} and {depth}", found.0);
         assert!((found.1 - mean).length() < 1e-5, "{n}");
         assert!(found.2.abs_diff_eq(second, 1e-5), "{n}: {} and {second}", found.2);
     }
@@ -68,7 +76,6 @@ fn two_balls_by_hand() {
         means: vec![Vec3::ZERO, Vec3::new(4.0, 0.0, 0.0)],
         rotations: vec![Quat::IDENTITY; 2],
         scales: vec![Vec3::ONE, Vec3::ONE],
-        // Areas are 1, so the weights are 3 / 4 and 1 / 4.
         opacities: vec![0.6, 0.2],
         order: vec![0, 1],
         n_source: 2,
@@ -86,12 +93,14 @@ fn two_balls_by_hand() {
         n_extra: 1,
         encoder: None,
     });
-    let one = merged(&scene, 1);
+    let one = merge_by(&scene, &[3.0, 1.0], 1, &Work::default()).unwrap();
+    one.validate().unwrap();
     assert!((one.means[0] - Vec3::X).length() < 1e-6);
     // Along x, 1 + 3 / 16 of 4^2.
     assert!(covariance(&one, 0).abs_diff_eq(DMat3::from_diagonal(DVec3::new(4.0, 1.0, 1.0)), 1e-5));
-    // A^2 = (4 + 1 + 4) / 3.
-    assert!((one.opacities[0] - 0.8 / 3_f32.sqrt()).abs() < 1e-6);
+    // Areas are 1, and A^2 is (4 + 1 + 4) / 3 afterwards. Li2(0.6) = 0.72758631, Li2(0.2) = 0.21100377.
+    let found = opacity::depth(f64::from(one.opacities[0]));
+    assert!((found - (0.727_586_31 + 0.211_003_77) / 3_f64.sqrt()).abs() < 1e-6, "{found}");
     let color = Vec3::from(one.base_colors()[0]);
     assert!((color - Vec3::new(0.75, 0.25, 0.5)).length() < 1e-6, "{color}");
     let features = one.features.unwrap();
@@ -122,6 +131,23 @@ fn a_quarter_looks_like_all_from_afar() {
     let every_fourth = scene.subset(&(0..8000).step_by(4).collect::<Vec<_>>());
     let (kept, dropped) = (psnr(&scene, &level), psnr(&scene, &every_fourth));
     assert!(kept > 30.0 && kept > dropped + 6.0, "{kept} dB merged, {dropped} dB left out");
+}
+
+/// Dark Gaussians under an opaque bright surface, near enough to be merged with it.
+#[test]
+fn what_is_within_gives_the_outside_no_color() {
+    let mut scene = sphere(8000, 1.0);
+    let mut rgb = vec![[0.9, 0.8, 0.7]; 8000];
+    for i in (0..8000).step_by(2) {
+        scene.means[i] *= 0.97;
+        rgb[i] = [0.0; 3];
+    }
+    scene.opacities.fill(0.95);
+    scene.set_colors(&rgb);
+    let all: Vec<f64> = (0..8000).map(|i| depth(&scene, i)).collect();
+    let [seen, depth] = [merged(&scene, 2000), merge_by(&scene, &all, 2000, &Work::default()).unwrap()];
+    let [seen, depth] = [seen, depth].map(|level| psnr(&scene, &level));
+    assert!(seen > depth + 3.0, "{seen} dB, {depth} dB by depth alone");
 }
 
 #[test]
@@ -181,7 +207,7 @@ fn distances_that_fall_along_the_curve_take_few_rounds() {
             mean: scene.means[i].as_dvec3(),
             covariance: covariance(&scene, i),
             weight: light(&scene, i),
-            light: light(&scene, i),
+            depth: depth(&scene, i),
             color: Vec3::ZERO,
             opacity: 0.5,
             is_single: true,
