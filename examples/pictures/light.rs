@@ -56,7 +56,7 @@ pub fn fog(studio: &mut Studio) -> Result<()> {
     studio.shoot_and_save("fog")
 }
 
-/// The island as if it were a hundred kilometers wide, early in the morning.
+/// The island as if it were forty kilometers wide, early in the morning.
 pub fn air(studio: &mut Studio) -> Result<()> {
     // Mesa's driver of LLVM 15 ends the process when it draws Bevy's atmosphere.
     let adapter = &studio.app.world().resource::<RenderAdapterInfo>().name;

@@ -1,5 +1,5 @@
-// The luminance energy of detail at each pixel, and what detail has more of the finest band than the painting,
-// which takes the place of the first blurred copy. CPU twin: the detail of `stylegaussian::paint`.
+// The luminance energy of detail at each pixel. Detail has more of the finest band than the painting: the
+// difference is written over the first blurred copy. CPU twin: the detail of `stylegaussian::paint`.
 
 @compute @workgroup_size(PAINT_SIDE, PAINT_SIDE)
 fn paint_squares(@builtin(global_invocation_id) invocation: vec3<u32>) {

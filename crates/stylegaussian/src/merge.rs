@@ -9,9 +9,9 @@
 //! t = Li2(o) A          A^2 = (a^2 b^2 + b^2 c^2 + c^2 a^2) / 3
 //! ```
 //!
-//! With w the light that a Gaussian takes away from views around the scene, others being before it, a group is
-//! replaced by the Gaussian with the mean and the covariance of the mixture, weighted by that light, and with
-//! the depth of all while that needs no opacity above 1:
+//! Let w be the light that a Gaussian takes away from views around the scene, where others may hide it. A group
+//! is replaced by the Gaussian with the mean and the covariance of the mixture, weighted by w. It has the depth
+//! of all, if that needs no opacity above 1:
 //!
 //! ```text
 //! W = sum w_i          m = sum w_i m_i / W          S = sum w_i (S_i + (m_i - m) (m_i - m)^T) / W

@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 /// Li2(1): the depth of an opaque Gaussian.
 const MOST: f64 = PI * PI / 6.0;
 
-/// Halvings in which an opacity is found, to half the precision of its `f32`.
+/// Halvings in which an opacity is found: one more than an `f32` has bits.
 const HALVINGS: u32 = 25;
 
 /// Li2(x), the sum of x^k / k^2 over k from 1 on, for x of 0..1.

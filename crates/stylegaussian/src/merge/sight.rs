@@ -1,4 +1,4 @@
-//! What is seen of each Gaussian from around a scene.
+//! Light that each Gaussian takes away as it is seen from around a scene.
 
 use glam::{UVec2, Vec3};
 
@@ -9,7 +9,7 @@ use crate::{
     work::{Canceled, Work},
 };
 
-/// Side of a view in pixels: a level that looks right there is fine enough for a part as large on a screen.
+/// Side of a view in pixels. Small, since only sums over pixels count.
 const SIDE: u32 = 128;
 
 /// Distance of the eyes from the middle, in radii of the scene. Rays are nearly parallel there.
