@@ -108,7 +108,9 @@ fn project(gaussian: PackedGaussian) -> Projected {
     let offset = abs(center - (chunk.viewport.xy + half_size));
     let inside = all(offset <= half_size + reach);
     let is_large = variances.x + variances.y >= chunk.least_variance;
-    out.visible = inside && is_large && det < HUGE && all(abs(center) < vec2(HUGE));
+    let from_axis = ndc - chunk.axis;
+    let adds = opacity * sqrt(det) >= chunk.least_at_edge * dot(from_axis, from_axis);
+    out.visible = inside && is_large && adds && det < HUGE && all(abs(center) < vec2(HUGE));
     out.splat.center = center;
     out.splat.slope = b / c;
     out.splat.row_precision = c / det;

@@ -4,9 +4,9 @@
 mod pictures;
 mod target;
 
-use std::path::Path;
+use std::{f32::consts::TAU, path::Path};
 
-use glam::{Affine3A, UVec2, Vec3};
+use glam::{Affine3A, Mat2, UVec2, Vec2, Vec3};
 use pictures::{camera, draw, psnr, random_scene};
 use stylegaussian::{Camera, Scene, splat::Colors};
 use stylegaussian_files::read_scene;
@@ -22,21 +22,37 @@ fn picture(gpu: &HeadlessDevice, scene: &Scene, camera: &Camera, cuts: SplatCuts
     draw(gpu, &camera, &[(scene, Colors::Captured, Affine3A::IDENTITY)], &settings).rgba
 }
 
-/// The radius of a Gaussian on screen, in pixels: the root of the sum of its variances along x and y.
-/// Derivatives by differences, of a pinhole.
-fn radius(scene: &Scene, camera: &Camera, i: usize) -> f32 {
-    let pixel = |mean: Vec3| {
-        let seen = camera.view_from_world.transform_point3(mean);
-        camera.focal * seen.truncate() / seen.z
-    };
+/// Where a point is seen, in pixels from the image axis of a pinhole.
+fn pixel(camera: &Camera, point: Vec3) -> Vec2 {
+    let seen = camera.view_from_world.transform_point3(point);
+    camera.focal * seen.truncate() / seen.z
+}
+
+/// The axes of a Gaussian on screen, in pixels: derivatives by differences. Its covariance is the sum of their
+/// outer products.
+fn axes(scene: &Scene, camera: &Camera, i: usize) -> [Vec2; 3] {
     let mean = scene.means[i];
     let step = 1e-3;
     let along = |axis: Vec3, scale: f32| {
         let axis = scene.rotations[i] * axis;
-        scale * (pixel(mean + step * axis) - pixel(mean - step * axis)).length() / (2.0 * step)
+        scale * (pixel(camera, mean + step * axis) - pixel(camera, mean - step * axis)) / (2.0 * step)
     };
     let Vec3 { x, y, z } = scene.scales[i];
-    Vec3::new(along(Vec3::X, x), along(Vec3::Y, y), along(Vec3::Z, z)).length()
+    [along(Vec3::X, x), along(Vec3::Y, y), along(Vec3::Z, z)]
+}
+
+/// The radius of a Gaussian on screen, in pixels: the root of the sum of its variances along x and y.
+fn radius(scene: &Scene, camera: &Camera, i: usize) -> f32 {
+    axes(scene, camera, i).map(Vec2::length_squared).iter().sum::<f32>().sqrt()
+}
+
+/// The sum of a splat's alphas, in pixels, over the square of its distance from the axis, in half pictures.
+fn sum_over_distance(scene: &Scene, camera: &Camera, i: usize) -> f32 {
+    let low_pass = Mat2::from_diagonal(Vec2::splat(0.3));
+    let outer = |axis: Vec2| Mat2::from_cols(axis * axis.x, axis * axis.y);
+    let covariance = axes(scene, camera, i).into_iter().map(outer).fold(low_pass, |sum, axis| sum + axis);
+    let from_axis = 2.0 * pixel(camera, scene.means[i]) / camera.size.as_vec2();
+    TAU * scene.opacities[i] * covariance.determinant().sqrt() / from_axis.length_squared()
 }
 
 /// What is left out is missing, and nothing else.
@@ -59,6 +75,8 @@ fn what_is_left_out_is_missing() {
     // Radii of a wide part of the picture are linearized elsewhere; here all are near the middle.
     check(SplatCuts { least_radius: 4.0, ..SplatCuts::default() }, &|i| radius(&scene, &camera, i) >= 4.0);
     check(SplatCuts { least_opacity: 0.4, ..SplatCuts::default() }, &|i| scene.opacities[i] >= 0.4);
+    let adds = |i| sum_over_distance(&scene, &camera, i) >= 40.0;
+    check(SplatCuts { least_at_edge: 40.0, ..SplatCuts::default() }, &adds);
 }
 
 /// What the cut by radius costs on the demo scene, at 320x240 pixels: what the documentation of `SplatCuts`
@@ -74,10 +92,15 @@ fn cuts_cost_what_is_documented() {
     let eye = center + (high - low).length() * (0.3 * up.any_orthonormal_vector() + 0.1 * up);
     let camera = Camera::look_at(eye, center, up, 1.0, UVec2::new(320, 240));
     let whole = picture(&gpu, &scene, &camera, SplatCuts::default());
-    for (least_radius, least, most) in [(0.5, 70.0, f64::INFINITY), (1.0, 40.0, 60.0)] {
-        let cut = picture(&gpu, &scene, &camera, SplatCuts { least_radius, ..SplatCuts::default() });
-        let psnr = psnr(&cut, &whole);
-        println!("radius {least_radius}: {psnr:.1} dB");
-        assert!(psnr > least && psnr < most, "radius {least_radius}: {psnr:.1} dB");
+    let all = SplatCuts::default();
+    for (cuts, least, most) in [
+        (SplatCuts { least_radius: 0.5, ..all }, 70.0, f64::INFINITY),
+        (SplatCuts { least_radius: 1.0, ..all }, 40.0, 60.0),
+        (SplatCuts { least_at_edge: 4.0, ..all }, 40.0, 60.0),
+        (SplatCuts { least_at_edge: 8.0, ..all }, 30.0, 50.0),
+    ] {
+        let psnr = psnr(&picture(&gpu, &scene, &camera, cuts), &whole);
+        println!("{cuts:?}: {psnr:.1} dB");
+        assert!(psnr > least && psnr < most, "{cuts:?}: {psnr:.1} dB");
     }
 }

@@ -99,7 +99,10 @@ impl Steps {
                 kept = forward(stdout, io::stdout(), is_closing);
                 kept.extend(from_stderr.join().unwrap_or_default());
             });
-            Ok(child.wait()?.success())
+            if kept.is_empty() {
+                eprintln!("{name}: nothing ran");
+            }
+            Ok(child.wait()?.success() && !kept.is_empty())
         });
         self.closing_lines.append(&mut kept);
         outcome

@@ -71,9 +71,10 @@ fn style(assets: &AssetServer, name: &str) -> StyleSource {
     StyleSource::preset(assets.load(format!("styles/{name}.style.safetensors")))
 }
 
-/// Components of each camera. Splats have soft edges, and those of less than half a pixel are hardly seen.
+/// Components of each camera. Splats have soft edges, and those of less than half a pixel are hardly seen, nor
+/// are small ones where lenses blur.
 fn look() -> impl Bundle {
-    (Tonemapping::None, Msaa::Off, SplatCuts { least_radius: 0.5, ..default() })
+    (Tonemapping::None, Msaa::Off, SplatCuts { least_radius: 0.5, least_at_edge: 4.0, ..default() })
 }
 
 /// Makes a pair of the cameras that a session brings, one per eye. They go with their session.

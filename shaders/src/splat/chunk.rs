@@ -49,4 +49,13 @@ pub struct SplatChunk {
     pub least_variance: f32,
     /// Splats of less opacity are culled.
     pub least_opacity: f32,
+    /// Half a picture from `axis`, splats are culled if their opacity times the root of the determinant of
+    /// their covariance is less, in px^2. The bound grows with the square of that distance.
+    pub least_at_edge: f32,
+    /// Unused: a uniform is a multiple of 16 bytes.
+    pub padding_0: u32,
+    /// Unused, too.
+    pub padding_1: u32,
+    /// Unused, too.
+    pub padding_2: u32,
 }

@@ -1,6 +1,6 @@
 //! The project stage on the GPU: `splat_project`.
 
-use std::sync::OnceLock;
+use std::{f32::consts::TAU, sync::OnceLock};
 
 use bytemuck::Zeroable;
 use glam::{Affine3A, DVec3};
@@ -15,7 +15,7 @@ use super::{
     dispatch::dispatch,
     eyes::{EyeStage, eye_between},
     scene::Chunk,
-    settings::{SortKey, SplatSettings},
+    settings::{SortKey, SplatCuts, SplatSettings},
     strokes::{StrokeStage, draw_uniforms, with_knobs},
     view::{Change, ChunkBindings, ChunkDispatch, ChunkGroups, ChunkVersions, SplatView},
 };
@@ -199,6 +199,9 @@ pub(super) fn cloud_uniforms(
 ) -> SplatChunk {
     let [view_from_scene_x, view_from_scene_y, view_from_scene_z] =
         rows(&camera.view_from(&cloud.world_from_scene));
+    let SplatCuts { least_radius, least_opacity, least_at_edge } = settings.cuts;
+    // Pixels of the whole picture in one that is drawn.
+    let pixels = if settings.half_size { 4.0 } else { 1.0 };
     let clip_row = |i| camera.clip_from_view.row(i).to_array();
     let flag = |set: bool, flag: u32| if set { flag } else { 0 };
     let place = &cloud.world_from_scene;
@@ -228,20 +231,16 @@ pub(super) fn cloud_uniforms(
             | flag(settings.half_size, HALF_SIZE)
             | flag(cloud.mask().is_some_and(|visibility| visibility.is == MaskUse::Crop), CROPPED),
         mask_shift: cloud.mask().map_or(0, |visibility| 8 * visibility.channel as u32),
-        least_variance: squared(settings.cuts.least_radius / if settings.half_size { 2.0 } else { 1.0 }),
-        least_opacity: if settings.cuts.least_opacity.is_finite() {
-            settings.cuts.least_opacity
-        } else {
-            0.0
-        },
+        least_variance: finite(least_radius.max(0.0).powi(2) / pixels),
+        least_opacity: finite(least_opacity),
+        least_at_edge: finite(least_at_edge.max(0.0) / (TAU * pixels)),
         ..SplatChunk::zeroed()
     }
 }
 
-/// The square of a radius, 0 if it is none.
-fn squared(radius: f32) -> f32 {
-    let squared = radius.max(0.0).powi(2);
-    if squared.is_finite() { squared } else { 0.0 }
+/// A bound, 0 if it is none.
+fn finite(bound: f32) -> f32 {
+    if bound.is_finite() { bound } else { 0.0 }
 }
 
 fn rows(affine: &Affine3A) -> [[f32; 4]; 3] {

@@ -51,6 +51,11 @@ pub struct SplatCuts {
     pub least_radius: f32,
     /// Splats of less opacity are left out, 0..1. Those under 1/255 always are.
     pub least_opacity: f32,
+    /// Splats that add less to the picture are left out at the edge of view, in pixels of the whole picture:
+    /// opacity times the area `2 pi sqrt(det)` of the footprint with its covariance's determinant, which is the
+    /// sum of the splat's alphas. The bound is 0 on the image axis and grows with the square of the distance
+    /// from it; this is its value half a picture away.
+    pub least_at_edge: f32,
 }
 
 impl Default for SplatSettings {
