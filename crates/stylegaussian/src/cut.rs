@@ -3,7 +3,8 @@
 //! A *node* is a part of space with Gaussians at several levels. A surface that fills a node of size s with n
 //! Gaussians has them s / sqrt(n) apart. That distance in pixels is the node's *error* at a level. All nodes
 //! begin with the fewest Gaussians that they have. Then the node with the largest error takes its next finer
-//! level, again and again, until the budget is spent or no error is above a pixel.
+//! level, again and again, until the budget is spent or no error is above half a
+//! pixel.
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 
@@ -11,8 +12,9 @@ use glam::{Affine3A, Mat4, Vec3, Vec4};
 
 use crate::camera::Camera;
 
-/// Error under which no finer level is taken, in pixels: Gaussians a pixel apart already cover all pixels.
-const LEAST_ERROR: f32 = 1.0;
+/// Error under which no finer level is taken, in pixels: Gaussians at half the distance of pixels show
+/// all that pixels can.
+const LEAST_ERROR: f32 = 0.5;
 
 /// Factor of the error of a step that was taken in the cut before. A level changes only if another node needs
 /// the Gaussians clearly more, so none goes back and forth while a camera trembles.
@@ -295,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn refining_ends_at_a_pixel_and_begins_nearest_first() {
+    fn refining_ends_at_half_a_pixel_and_begins_nearest_first() {
         let views = [view(Vec3::new(0.0, 0.0, 2.0))];
         let nodes = row(3, &COUNTS, &views);
         // 433, 289 and 217 pixels. At 10 Gaussians, the errors are 137, 91 and 68 pixels.
@@ -317,11 +319,11 @@ mod tests {
             let views = [view(Vec3::new(0.0, 0.0, z))];
             cut(&row(1, &COUNTS[2..], &views), usize::MAX, before).levels
         };
-        // 866 / z pixels, and an error of 1 pixel at 866 / sqrt(10) = 274.
-        assert_eq!((of(272.0, &[]), of(276.0, &[])), (vec![Some(0)], vec![Some(1)]));
-        assert_eq!(of(276.0, &[Some(0)]), [Some(0)]);
-        assert_eq!(of(276.0, &[Some(1)]), [Some(1)]);
-        assert_eq!(of(345.0, &[Some(0)]), [Some(1)], "more than a quarter farther");
+        // 866 / z pixels, and an error of half a pixel at 866 / (0.5 sqrt(10)) = 548.
+        assert_eq!((of(546.0, &[]), of(550.0, &[])), (vec![Some(0)], vec![Some(1)]));
+        assert_eq!(of(550.0, &[Some(0)]), [Some(0)]);
+        assert_eq!(of(550.0, &[Some(1)]), [Some(1)]);
+        assert_eq!(of(690.0, &[Some(0)]), [Some(1)], "more than a quarter farther");
     }
 
     /// Boxes, counts and budgets of any kind, such as more Gaussians at a coarser level.
