@@ -37,8 +37,8 @@ struct SplatChunk {
     least_variance: f32,
     /// Splats of less opacity are culled.
     least_opacity: f32,
-    /// Half a picture from `axis`, splats are culled if their opacity times the root of the determinant of their
-    /// covariance is less, in px^2. The bound grows with the square of that distance.
+    /// Half a picture from `axis`, splats are culled if their opacity times the root of the determinant of
+    /// their covariance is less, in px^2. The bound grows with the square of that distance.
     least_at_edge: f32,
     padding_0: u32,
     padding_1: u32,
