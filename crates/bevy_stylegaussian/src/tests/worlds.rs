@@ -82,8 +82,8 @@ impl Game {
         *self.app.world().get(self.world).unwrap()
     }
 
-    /// Updates until each cell shows so many Gaussians. No cell that was shown is ever empty, and none shows
-    /// two levels.
+    /// Updates until each cell shows so many Gaussians. No cell that was shown is ever empty, none shows two
+    /// levels, and all together never show more than the budget.
     fn until_shown(&mut self, expected: [usize; 4]) {
         let (world, mut last) = (self.world, [0; 4]);
         update_until(&mut self.app, "the levels", |app| {
@@ -93,6 +93,7 @@ impl Game {
                 "{shown:?}, {last:?}"
             );
             assert!(shown.iter().all(|now| *now == 0 || COUNTS.contains(now)), "{shown:?}");
+            assert!(shown.iter().sum::<usize>() <= BUDGET, "{shown:?}");
             last = shown;
             shown == expected && app.get::<WorldState>(world).is_some_and(WorldState::is_settled)
         });

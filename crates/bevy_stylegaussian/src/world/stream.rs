@@ -237,8 +237,8 @@ impl Means<'_, '_> {
     ) -> Result<Option<Stage>, String> {
         let node = &tree.nodes[index];
         let (n, replaced) = (node.counts[level], node.committed());
-        let committed = left.committed.saturating_sub(replaced).saturating_add(n);
-        // Coarser levels free the memory that finer ones wait for.
+        let committed = left.committed.saturating_add(n.saturating_sub(replaced));
+        // Coarser levels free what finer ones wait for, once they are there.
         if n > replaced && committed > left.shown && node.shown.is_some() {
             return Ok(None);
         }

@@ -197,10 +197,13 @@ impl Tree {
 }
 
 impl Node {
-    /// Gaussians that are shown, or will be once those on their way have taken their place.
+    /// Gaussians that are shown, or will be once those on their way have taken their place, if these are more.
+    /// Fewer count once they are there: until then, what they replace is drawn.
     pub(super) fn committed(&self) -> usize {
         match &self.coming {
-            Some(Coming { level, stage: Stage::Cutting(_) | Stage::Hidden(_) }) => self.counts[*level],
+            Some(Coming { level, stage: Stage::Cutting(_) | Stage::Hidden(_) }) => {
+                self.counts[*level].max(self.n_shown())
+            }
             _ => self.n_shown(),
         }
     }
