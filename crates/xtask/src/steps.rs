@@ -82,7 +82,7 @@ impl Steps {
     }
 
     /// Like [`Steps::run`], and repeats in the summary the lines of its output that `is_closing` picks: the
-    /// closing lines of a test runner.
+    /// closing lines of a test runner. The step fails if there are none, because then no test ran.
     pub fn run_keeping(
         &mut self,
         name: &str,
@@ -239,6 +239,14 @@ mod tests {
         let mut steps = Steps::default();
         steps.run_keeping("version", &mut cargo(["--version"]), |line| line.starts_with("cargo ")).unwrap();
         assert_eq!(steps.closing_lines.len(), 1);
+    }
+
+    #[test]
+    fn a_step_without_closing_lines_fails() {
+        let mut steps = Steps::default();
+        let outcome =
+            steps.run_keeping("version", &mut cargo(["--version"]), |line| line.starts_with("test "));
+        assert!(outcome.is_err() && matches!(steps.done[..], [(_, Outcome::Failed(_))]));
     }
 
     #[test]
