@@ -36,7 +36,7 @@ mod stage;
 use figures::{Picture, difference, holes, mean, percentile, popping, psnr};
 use path::Path;
 use report::Report;
-use stage::{Stage, memory, milliseconds};
+use stage::{Clock, Stage, memory, milliseconds};
 
 /// Flies through a world without a window, and prints what its frames cost, what memory it takes, and how its
 /// picture is.
@@ -64,6 +64,10 @@ struct Arguments {
     /// Also compare with the full resolution. All of it must fit in memory.
     #[arg(long)]
     against_full: bool,
+    /// Run the main thread's systems one after another, and measure its CPU time in place of wall time, which
+    /// counts waiting for a core as well. Linux alone tells it.
+    #[arg(long)]
+    cpu_time: bool,
     /// Also write the figures to this file.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -184,7 +188,8 @@ impl Flight {
     fn new(arguments: &Arguments, manifest: &FilePath, levels: &Levels) -> Result<Self> {
         let boxes: Vec<[Vec3; 2]> = levels.nodes.iter().map(|node| upright(node.bounds)).collect();
         let path = Path::over(&boxes).with_context(|| format!("{}: no parts", manifest.display()))?;
-        let mut stage = Stage::new(arguments.size, path.lens())?;
+        let clock = if arguments.cpu_time { Clock::MainThread } else { Clock::Wall(Instant::now()) };
+        let mut stage = Stage::new(arguments.size, path.lens(), clock)?;
         stage.move_to(path.pose(0.0));
         let place = Transform::from_rotation(Quat::from_rotation_x(PI));
         let budget = GaussianBudget::new(arguments.budget);

@@ -12,6 +12,7 @@ use bevy::{
     asset::UnapprovedPathMode,
     camera::RenderTarget,
     core_pipeline::tonemapping::Tonemapping,
+    ecs::schedule::SingleThreadedExecutor,
     prelude::*,
     render::{
         RenderApp,
@@ -55,15 +56,25 @@ pub struct Stage {
 pub struct Times {
     /// From its begin until the GPU has drawn it.
     pub wall: f64,
-    /// In the main world's schedule alone.
+    /// In the main world's schedule alone, by the clock that was asked for.
     pub main: f64,
 }
 
 /// The main world's time in a frame.
 #[derive(Resource)]
 struct MainClock {
-    begun: Instant,
+    clock: Clock,
+    begun: Duration,
     took: Duration,
+}
+
+/// What tells the main world's time.
+#[derive(Clone, Copy)]
+pub enum Clock {
+    /// Time since a moment, waiting for a core included.
+    Wall(Instant),
+    /// CPU time of the main thread, which then runs all systems.
+    MainThread,
 }
 
 /// The scene can be drawn.
@@ -80,7 +91,11 @@ pub struct Runs {
 
 impl Stage {
     /// An app with a camera that draws `size` pixels.
-    pub fn new(size: UVec2, lens: PerspectiveProjection) -> Result<Self> {
+    ///
+    /// # Errors
+    /// If the operating system does not tell the time that is asked for.
+    pub fn new(size: UVec2, lens: PerspectiveProjection, clock: Clock) -> Result<Self> {
+        ensure!(clock.time().is_some(), "found no CPU time of a thread, which Linux alone tells");
         let window =
             WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
         // The world's folder may lie anywhere.
@@ -94,9 +109,16 @@ impl Stage {
         let plugins = DefaultPlugins.set(window).set(files).disable::<WinitPlugin>();
         app.add_plugins((plugins.disable::<PipelinedRenderingPlugin>(), StyleGaussianPlugin::default()));
         app.insert_resource(TimeUpdateStrategy::ManualDuration(FRAME));
-        app.insert_resource(MainClock { begun: Instant::now(), took: Duration::ZERO });
-        app.add_systems(First, |mut clock: ResMut<MainClock>| clock.begun = Instant::now());
-        app.add_systems(Last, |mut clock: ResMut<MainClock>| clock.took = clock.begun.elapsed());
+        app.insert_resource(MainClock { clock, begun: Duration::ZERO, took: Duration::ZERO });
+        app.add_systems(First, |mut main: ResMut<MainClock>| {
+            main.begun = main.clock.time().unwrap_or_default()
+        });
+        app.add_systems(Last, |mut main: ResMut<MainClock>| {
+            main.took = main.clock.time().unwrap_or_default().saturating_sub(main.begun);
+        });
+        if matches!(clock, Clock::MainThread) {
+            run_on_main_thread(&mut app);
+        }
         // The renderer is created asynchronously. A runner would wait for it like this.
         while app.plugins_state() == PluginsState::Adding {
             bevy::tasks::tick_global_task_pools_on_main_thread();
@@ -249,6 +271,29 @@ pub fn milliseconds(duration: Duration) -> f64 {
     duration.as_secs_f64() * 1e3
 }
 
+impl Clock {
+    /// The present time, or `None` if the operating system does not tell it.
+    fn time(self) -> Option<Duration> {
+        match self {
+            Self::Wall(start) => Some(start.elapsed()),
+            Self::MainThread => {
+                // Its first number are nanoseconds on a core.
+                let times = fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+                times.split_whitespace().next()?.parse().ok().map(Duration::from_nanos)
+            }
+        }
+    }
+}
+
+/// Has the main world's systems run one after another.
+fn run_on_main_thread(app: &mut App) {
+    fn alone(schedule: &mut Schedule) {
+        schedule.set_executor(SingleThreadedExecutor::new());
+    }
+    app.edit_schedule(First, alone).edit_schedule(PreUpdate, alone).edit_schedule(Update, alone);
+    app.edit_schedule(SpawnScene, alone).edit_schedule(PostUpdate, alone).edit_schedule(Last, alone);
+}
+
 /// Bytes of this process's memory by their name in Linux's `/proc/self/status`, or `None` elsewhere.
 pub fn memory(name: &str) -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
@@ -259,6 +304,17 @@ pub fn memory(name: &str) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_thread_that_sleeps_takes_no_time_of_a_core() {
+        let clocks = [Clock::Wall(Instant::now()), Clock::MainThread];
+        let before = clocks.map(Clock::time);
+        std::thread::sleep(Duration::from_millis(50));
+        let [wall, thread] = [0, 1].map(|i| Some(clocks[i].time()? - before[i]?));
+        assert!(wall.is_some_and(|wall| wall >= Duration::from_millis(50)));
+        assert_eq!(thread.is_some(), cfg!(target_os = "linux"));
+        assert!(thread.is_none_or(|thread| thread < Duration::from_millis(25)), "{thread:?}");
+    }
 
     #[test]
     fn memory_is_told_on_linux() {

@@ -31,7 +31,7 @@ Usage: cargo xtask <COMMAND>
   world    a world of any size, copies of scenes on hills, in chunks that are streamed: --gaussians N \
            -o FOLDER, of N Gaussians at the finest level; [SCENE...]
   fly      a flight through a world, without a window: what its frames cost, memory, holes and popping: \
-           FOLDER [--frames N] [--budget N] [--style IMAGE] [--against-full] [--json FILE]
+           FOLDER [--frames N] [--budget N] [--style IMAGE] [--against-full] [--cpu-time] [--json FILE]
   assets   make everything in assets/ and the default decoder anew; needs the test data, and hours
   fuzz     every reader of files against made-up files: [TARGET...] [--seconds N], 60 each; needs nightly \
            and cargo-fuzz

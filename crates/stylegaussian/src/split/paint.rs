@@ -34,6 +34,11 @@ use crate::{
 /// 64 parts are an eighth as large along both axes.
 const SPLITTING: Manner = Manner { distance: 0.7, rounds: 6 };
 
+/// Deviations of parts, in those of parts that keep the drawn alpha. Narrower ones overlap less, so colors beside
+/// one another mix less: on the demo scene, split fourfold, the texture error is 1.54 of 1.75. At 0.6 it is 1.52,
+/// and silhouettes lose more.
+const NARROWED: f32 = 0.7;
+
 /// Number of views, and the longer side of each in pixels. Strokes are as large as in the painting in a picture
 /// of 512 pixels.
 const N_VIEWS: usize = 16;
@@ -91,7 +96,7 @@ pub fn split_paint(
     let parts = parts(scene, &whole, most, SPLITTING, |part| hidden.in_part(part));
     // Before the fit, because Gaussians of equal depth blend in their order.
     let order = morton::order(&parts.iter().map(|part| part.mean).collect::<Vec<_>>());
-    let parts: Vec<Part> = order.into_iter().map(|i| parts[i as usize]).collect();
+    let parts: Vec<Part> = order.into_iter().map(|i| parts[i as usize].narrowed()).collect();
     work.at(SPLIT)?;
     let mut split = assembled(scene, &parts);
     let color = |part: &Part| {
@@ -123,6 +128,18 @@ fn views(scene: &Scene, work: &Work) -> Result<Vec<Camera>, Canceled> {
     let stride = scene.cameras.len().div_ceil(N_VIEWS);
     let fitted = |camera: &Camera| camera.near_among(&scene.means).fitted(VIEW_SIDE);
     Ok(scene.cameras.iter().step_by(stride).map(fitted).collect())
+}
+
+impl Part {
+    /// The part with [`NARROWED`] deviations, if it was split. Its optical depth grows as its area shrinks, so it
+    /// takes as much of the light.
+    fn narrowed(&self) -> Self {
+        if self.rounds == 0 {
+            return *self;
+        }
+        let opacity = 1.0 - (1.0 - self.opacity).powf(1.0 / (NARROWED * NARROWED));
+        Self { scales: NARROWED * self.scales, opacity, ..*self }
+    }
 }
 
 /// Moves `colors` toward those that draw the picture `wanted`.
