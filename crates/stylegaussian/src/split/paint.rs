@@ -34,9 +34,9 @@ use crate::{
 /// 64 parts are an eighth as large along both axes.
 const SPLITTING: Manner = Manner { distance: 0.7, rounds: 6 };
 
-/// Deviations of parts, in those of parts that keep the drawn alpha. Narrower ones overlap less, so colors beside
-/// one another mix less: on the demo scene, split fourfold, the texture error is 1.54 of 1.75. At 0.6 it is 1.52,
-/// and silhouettes lose more.
+/// Deviations of parts, in those of parts that keep the drawn alpha. Narrower ones overlap less, so colors
+/// beside one another mix less: on the demo scene, split fourfold, the texture error is 1.54 of 1.75. At 0.6 it
+/// is 1.52, and silhouettes lose more.
 const NARROWED: f32 = 0.7;
 
 /// Number of views, and the longer side of each in pixels. Strokes are as large as in the painting in a picture
@@ -131,8 +131,8 @@ fn views(scene: &Scene, work: &Work) -> Result<Vec<Camera>, Canceled> {
 }
 
 impl Part {
-    /// The part with [`NARROWED`] deviations, if it was split. Its optical depth grows as its area shrinks, so it
-    /// takes as much of the light.
+    /// The part with [`NARROWED`] deviations, if it was split. Its optical depth grows as its area shrinks, so
+    /// it takes as much of the light.
     fn narrowed(&self) -> Self {
         if self.rounds == 0 {
             return *self;
