@@ -120,3 +120,55 @@ fn plain_cargo_selects_the_workspace_package_alone() {
     let manifest = read(&repository().join("Cargo.toml"));
     assert!(has_line(&manifest, "default-members = [\".\"]"), "expected `.` alone in `default-members`");
 }
+
+/// Workspaces of their own (`examples/avian`, `examples/openxr`, `fuzz`) have lock files that no other build
+/// reads. A dependency that a crate of ours gained without them would stop `--locked` builds there.
+#[test]
+fn lock_files_of_other_workspaces_know_what_our_crates_need() {
+    for lock in ["examples/avian/Cargo.lock", "examples/openxr/Cargo.lock", "fuzz/Cargo.lock"] {
+        let text = read(&repository().join(lock));
+        let packages: Vec<Locked> = text.split("[[package]]").skip(1).map(Locked::of).collect();
+        let mut n_ours = 0;
+        for (_, manifest) in members() {
+            let name = manifest.lines().find_map(|line| line.strip_prefix("name = ")).unwrap();
+            let Some(locked) = packages.iter().find(|it| it.name == name.trim_matches('"')) else { continue };
+            n_ours += 1;
+            for needed in needed(&manifest) {
+                let is_known = locked.dependencies.contains(&needed);
+                assert!(is_known, "{lock} does not know that {name} needs {needed}: call cargo there");
+            }
+        }
+        assert!(n_ours > 3, "{lock} has {n_ours} of our crates");
+    }
+}
+
+/// A package of a lock file.
+struct Locked<'a> {
+    name: &'a str,
+    dependencies: Vec<&'a str>,
+}
+
+impl<'a> Locked<'a> {
+    fn of(text: &'a str) -> Self {
+        let name = text.lines().find_map(|line| line.strip_prefix("name = ")).unwrap().trim_matches('"');
+        let listed = text.split_once("dependencies = [").map_or("", |(_, listed)| listed);
+        let listed = listed.lines().map(|line| line.trim().trim_matches([',', '"'])).skip(1);
+        // A version stands behind a name that several packages have.
+        let dependencies = listed.take_while(|line| *line != "]");
+        Self { name, dependencies: dependencies.filter_map(|line| line.split(' ').next()).collect() }
+    }
+}
+
+/// The dependencies that a crate of this manifest has with any features and on any target.
+fn needed(manifest: &str) -> impl Iterator<Item = &str> {
+    let mut is_within = false;
+    let lines = manifest.lines().filter(move |line| {
+        if line.starts_with('[') {
+            is_within = line.ends_with("dependencies]") && !line.contains("dev-");
+        }
+        is_within && !line.starts_with(['[', '#']) && !line.contains("optional = true")
+    });
+    lines
+        .filter_map(|line| line.split_once(['.', ' ', '=']).map(|(name, _)| name))
+        .filter(|name| !name.is_empty())
+}
