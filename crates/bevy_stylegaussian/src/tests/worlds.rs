@@ -381,7 +381,7 @@ mod styled {
     use stylegaussian::strokes::{StrokeWord, Strokes};
 
     use super::*;
-    use crate::{HiddenUntilStyled, tests::paint::noise};
+    use crate::{HiddenUntilStyled, StyleThreads, tests::paint::noise};
 
     /// Once a cell shows paint, it shows nothing else, whatever level comes.
     #[test]
@@ -467,6 +467,35 @@ mod styled {
         let mut painted = game.app.world_mut().query_filtered::<&Visibility, With<AppliedStyle>>();
         let shown = painted.iter(game.app.world()).filter(|visibility| **visibility != Visibility::Hidden);
         assert_eq!(shown.count(), 3 * SEEN);
+    }
+
+    #[test]
+    fn parts_that_are_shown_are_painted_before_those_that_wait() {
+        let mut game = Game::new(write_many_cells);
+        game.app.insert_resource(GaussianBudget { gaussians: 10_000, ..default() });
+        game.app.insert_resource(StyleThreads { count: 1, ..QUICK_THREADS });
+        let world = game.world;
+        update_until(&mut game.app, "all cells", |app| {
+            app.get::<WorldState>(world).is_some_and(WorldState::is_settled)
+        });
+        // Half of those that are seen, as if they waited behind coarser ones.
+        let mut cells = game.app.world_mut().query::<(Entity, &LoadedScene)>();
+        let seen = cells.iter(game.app.world()).filter(|(_, scene)| scene.scene().means[0].z < 0.0);
+        let (waiting, shown): (Vec<_>, Vec<_>) =
+            seen.map(|(run, _)| run).enumerate().partition(|(i, _)| i % 2 == 0);
+        assert_eq!([waiting.len(), shown.len()], [SEEN / 2; 2]);
+        for (_, run) in &waiting {
+            game.app.world_mut().entity_mut(*run).insert(Visibility::Hidden);
+        }
+        let painting = add(&mut game.app, noise(1, [200, 40, 30], [20, 40, 180]));
+        game.app.world_mut().entity_mut(world).insert(StyleSource::image(painting));
+        let count = |app: &World, runs: &[(usize, Entity)]| {
+            runs.iter().filter(|(_, run)| app.get::<StyleSource>(*run).is_some()).count()
+        };
+        update_until(&mut game.app, "a first part", |app| count(app, &shown) + count(app, &waiting) > 0);
+        // One thread, and 64 of the smallest.
+        let app = game.app.world();
+        assert_eq!([count(app, &shown), count(app, &waiting)], [SEEN / 2, 64 - SEEN / 2]);
     }
 
     #[test]

@@ -66,16 +66,16 @@ fn is_busy(jobs: Option<&StyleJobs>) -> bool {
 /// A world and its style.
 type StyledWorld = (Entity, &'static mut Tree, Option<Ref<'static, StyleSource>>);
 
-/// A run, its style, its look, and its scene.
+/// A run, whether it is shown, its style, its look, and its scene.
 type StyledRun = (
     Entity,
-    &'static Run,
+    (&'static Run, &'static Visibility),
     Option<&'static mut StyleSource>,
     (Option<&'static StyleJobs>, Option<&'static RunLook>, Option<&'static LoadedScene>),
 );
 
-/// Gives runs the style of their world, some at a time: those that are seen first, and of these the largest on
-/// screen.
+/// Gives runs the style of their world, some at a time: those that are seen first, of these the ones that are
+/// shown, since others wait behind coarser ones that may have it, and then the largest on screen.
 pub(super) fn style_runs(
     mut commands: Commands,
     mut worlds: Query<StyledWorld, Without<Run>>,
@@ -99,7 +99,7 @@ pub(super) fn style_runs(
     }
     let most = threads.count.max(1).saturating_mul(AT_ONCE).min(budget.per_frame);
     let (mut waiting, mut painting) = (Vec::new(), (most, 0));
-    for (entity, run, own, (jobs, look, loaded)) in &mut runs {
+    for (entity, (run, visibility), own, (jobs, look, loaded)) in &mut runs {
         let Ok((_, tree, source)) = worlds.get(run.world) else { continue };
         let is_changed = source.as_ref().is_some_and(|source| source.is_changed());
         let source = source.as_deref();
@@ -126,13 +126,16 @@ pub(super) fn style_runs(
                     painting.1 += counted(loaded);
                 }
             }
-            (Some(_), _) if ready.contains_key(&run.world) => waiting.push((tree.turn(run.node), entity)),
+            (Some(_), _) if ready.contains_key(&run.world) => {
+                let (is_seen, pixels) = tree.turn(run.node);
+                waiting.push((is_seen, *visibility == Visibility::Hidden, pixels, entity));
+            }
             (Some(_), _) => {}
         }
     }
     waiting.sort_unstable();
-    for (_, entity) in waiting {
-        let Ok((_, run, _, (_, look, loaded))) = runs.get(entity) else { continue };
+    for (.., entity) in waiting {
+        let Ok((_, (run, _), _, (_, look, loaded))) = runs.get(entity) else { continue };
         let (Ok((_, _, Some(source))), Some(beside)) = (worlds.get(run.world), ready.get(&run.world)) else {
             continue;
         };
