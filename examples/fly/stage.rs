@@ -68,7 +68,7 @@ struct MainClock {
     took: Duration,
 }
 
-/// What tells the main world's time.
+/// A clock for the main world's time.
 #[derive(Clone, Copy)]
 pub enum Clock {
     /// Time since a moment, waiting for a core included.
@@ -277,7 +277,7 @@ impl Clock {
         match self {
             Self::Wall(start) => Some(start.elapsed()),
             Self::MainThread => {
-                // Its first number are nanoseconds on a core.
+                // Its first number is the time on a core, in nanoseconds.
                 let times = fs::read_to_string("/proc/thread-self/schedstat").ok()?;
                 times.split_whitespace().next()?.parse().ok().map(Duration::from_nanos)
             }

@@ -3,8 +3,7 @@
 //! A *node* is a part of space with Gaussians at several levels. A surface that fills a node of size s with n
 //! Gaussians has them s / sqrt(n) apart. That distance in pixels is the node's *error* at a level. All nodes
 //! begin with the fewest Gaussians that they have. Then the node with the largest error takes its next finer
-//! level, again and again, until the budget is spent or no error is above
-//! half a pixel.
+//! level, again and again, until the budget is spent or no error is above half a pixel.
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 
@@ -12,8 +11,8 @@ use glam::{Affine3A, Mat4, Vec3, Vec4};
 
 use crate::camera::Camera;
 
-/// Error under which no finer level is taken, in pixels: Gaussians half a pixel apart are finer than
-/// what pixels show.
+/// Error under which no finer level is taken, in pixels: Gaussians half a pixel apart are finer than what
+/// pixels show.
 const LEAST_ERROR: f32 = 0.5;
 
 /// Factor of the error of a step that was taken in the cut before. A level changes only if another node needs

@@ -79,8 +79,8 @@ fn what_is_left_out_is_missing() {
     check(SplatCuts { least_at_edge: 40.0, ..SplatCuts::default() }, &adds);
 }
 
-/// What cuts by radius and at the edge of view cost on the demo scene, at 320x240 pixels: what the
-/// documentation of `SplatCuts` states.
+/// Costs of cuts by radius and at the edge of view on the demo scene, at 320x240 pixels, as the documentation
+/// of `SplatCuts` states them.
 #[test]
 fn cuts_cost_what_is_documented() {
     let Some(gpu) = gpu() else { return };
