@@ -1,21 +1,9 @@
-//! The camera, as the page's script steers it: that reads mouse, touch and keys, and says by how much.
+//! The camera, as the page's script hears of it.
 
 use bevy::prelude::*;
 use stylegaussian_app::{FIELD_OF_VIEW, Orbit, Subject};
 
-use crate::bridge::{self, Request};
-
-/// Turns, moves and zooms as asked.
-pub fn turn(mut requests: MessageReader<Request>, mut orbit: Single<&mut Orbit>) {
-    for request in requests.read() {
-        match *request {
-            Request::Turn { yaw, pitch } => orbit.turn(yaw, pitch),
-            Request::Fly(shares) => orbit.fly(shares),
-            Request::Zoom(factor) => orbit.zoom(factor),
-            _ => {}
-        }
-    }
-}
+use crate::bridge;
 
 /// Tells the page's script where the camera is.
 pub fn note(camera: Single<&Orbit>, scene: Single<&Transform, With<Subject>>, window: Single<&Window>) {

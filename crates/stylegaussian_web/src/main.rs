@@ -1,9 +1,9 @@
 //! The page's app: a scene on the page's canvas, steered by the page's script.
 //!
 //! The page is HTML (`web/page/index.html`): buttons, drop of files, keys and touch are the browser's own, so
-//! they work with screen readers and at any width. Its script calls the functions of [`bridge`], which become
-//! requests to the app, and hears of what happened. Built by `cargo xtask web`. The same program in a window
-//! shows the demo scene and hears nothing.
+//! they work with screen readers and at any width. Its script calls the functions of [`requests`], which change
+//! the app's world, and hears of what happened by [`bridge`]. Built by `cargo xtask web`. The same program in a
+//! window shows the demo scene and hears nothing.
 
 mod address;
 mod bridge;
@@ -11,6 +11,7 @@ mod camera;
 mod failure;
 mod memory;
 mod paintings;
+mod requests;
 mod save;
 mod scene;
 mod style;
@@ -21,8 +22,6 @@ mod world;
 use bevy::{asset::AssetMetaCheck, prelude::*};
 use bevy_stylegaussian::{StyleGaussianPlugin, style::decoder::StyleBudget};
 use stylegaussian_app::{Arrivals, place_camera, set_transition, splat_camera};
-
-use bridge::Request;
 
 /// The canvas of the page.
 const CANVAS: &str = "#scene";
@@ -52,7 +51,6 @@ fn main() -> AppExit {
         .insert_resource(failure::handler())
         .insert_resource(StyleBudget { ms_per_frame: BUDGET })
         .insert_resource(ClearColor(Color::srgb(0.07, 0.08, 0.1)))
-        .add_message::<Request>()
         .init_resource::<Arrivals>()
         .init_resource::<scene::Shown>()
         .init_resource::<style::Wish>()
@@ -62,22 +60,11 @@ fn main() -> AppExit {
         .add_systems(
             Update,
             (
-                bridge::take_requests,
-                (
-                    scene::open,
-                    scene::show_loaded,
-                    world::set_budget,
-                    camera::turn,
-                    paintings::take_dropped,
-                    style::set_budget,
-                    style::set_strokes,
-                    style::wish,
-                    set_transition,
-                    style::put_on,
-                    paintings::advance,
-                )
-                    .chain(),
-                save::picture,
+                scene::show_loaded,
+                requests::do_requests,
+                set_transition,
+                style::put_on,
+                paintings::advance,
                 save::scene,
             )
                 .chain(),

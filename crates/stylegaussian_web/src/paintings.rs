@@ -15,7 +15,7 @@ use bevy_stylegaussian::{
 use js_sys::Uint8Array;
 
 use crate::{
-    bridge::{self, Event, Request},
+    bridge::{self, Event},
     memory, style, work,
     worker::{self, Call, State},
 };
@@ -55,15 +55,12 @@ impl Painting {
     }
 }
 
-/// Takes images that the visitor has dropped.
-pub fn take_dropped(mut requests: MessageReader<Request>, mut paintings: ResMut<Paintings>) {
-    for request in requests.read() {
-        let Request::AddPainting { name, bytes } = request else { continue };
-        paintings.0.insert(format!("image:{name}"), Painting::new(File::Dropped(bytes.clone())));
-    }
-}
-
 impl Paintings {
+    /// Takes an image that the visitor has dropped, as the style `image:NAME`.
+    pub fn add(&mut self, name: &str, bytes: Uint8Array) {
+        self.0.insert(format!("image:{name}"), Painting::new(File::Dropped(bytes)));
+    }
+
     /// The input for a painting: `image:NAME` was dropped, `paint:NAME` is an image of the page. `None` if
     /// there is no such painting. If `by_decoder`, the decoder alone makes the colors. What the worker makes
     /// comes later.

@@ -1,8 +1,7 @@
-//! Downloads: the picture, and the scene in the colors of its style.
+//! Downloads of the scene in the colors of its style.
 
 use bevy::{
     prelude::*,
-    render::view::screenshot::{Screenshot, save_to_disk},
     tasks::{Task, futures::check_ready},
 };
 use bevy_stylegaussian::{
@@ -15,7 +14,7 @@ use stylegaussian_app::{Subject, save_shown};
 use wasm_bindgen::{JsValue, prelude::wasm_bindgen};
 
 use crate::{
-    bridge::{self, Event, Request},
+    bridge::{self, Event},
     scene::Shown,
     worker::{self, Call, State},
 };
@@ -47,16 +46,13 @@ extern "C" {
     fn click(this: &Link);
 }
 
-/// Downloads the picture as a file.
-pub fn picture(mut requests: MessageReader<Request>, mut commands: Commands) {
-    if requests.read().any(|request| matches!(request, Request::SavePicture)) {
-        commands.spawn(Screenshot::primary_window()).observe(save_to_disk("stylegaussian.png"));
-    }
-}
-
 /// The file that is being made.
 #[derive(Resource, Default)]
-pub struct Saving(Option<Making>);
+pub struct Saving {
+    /// Whether one was asked for, which nobody makes yet.
+    pub is_wanted: bool,
+    making: Option<Making>,
+}
 
 /// Who makes a file.
 enum Making {
@@ -68,13 +64,12 @@ enum Making {
 
 /// Downloads the scene as a file.
 pub fn scene(
-    mut requests: MessageReader<Request>,
     subject: Single<(Option<&GaussianSplats>, Option<&AppliedStyle>), With<Subject>>,
     scenes: Res<Assets<GaussianScene>>,
     shown: Res<Shown>,
     mut saving: ResMut<Saving>,
 ) {
-    if requests.read().any(|request| matches!(request, Request::SaveGlb)) {
+    if std::mem::take(&mut saving.is_wanted) {
         let (splats, style) = *subject;
         let Some(splats) = splats else {
             return bridge::tell(
@@ -86,7 +81,7 @@ pub fn scene(
             return bridge::tell(Event::Failed, "There is no scene to save.");
         };
         let has_worker = worker::state() == State::Ready && shown.hold(splats.0.id(), scene).is_ok();
-        saving.0 = Some(if has_worker {
+        saving.making = Some(if has_worker {
             match written(style) {
                 Ok(call) => Making::Worker(call),
                 Err(error) => return bridge::tell(Event::Failed, &error.to_string()),
@@ -96,13 +91,13 @@ pub fn scene(
             Making::Task(save_shown(scene, style, write))
         });
     }
-    let made = match &mut saving.0 {
+    let made = match &mut saving.making {
         None => return,
         Some(Making::Task(task)) => check_ready(task),
         Some(Making::Worker(call)) => call.answer(),
     };
     let Some(made) = made else { return };
-    saving.0 = None;
+    saving.making = None;
     match made {
         Ok(bytes) => download(&bytes, SCENE),
         Err(error) => bridge::tell(Event::Failed, &error),

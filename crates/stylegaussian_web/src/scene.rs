@@ -12,8 +12,7 @@ use js_sys::Uint8Array;
 use stylegaussian_app::{Framing, Orbit, Subject, loaded_asset};
 
 use crate::{
-    address,
-    bridge::{self, Event, Request},
+    bridge::{self, Event},
     memory,
     style::Wish,
     work,
@@ -29,7 +28,7 @@ const IS_WORLD: &str = "a world is larger than the page can embed; open a single
 
 /// The scene or the world that is coming.
 #[derive(Default)]
-enum Next {
+pub enum Next {
     #[default]
     None,
     /// An asset of the server, and its path.
@@ -65,21 +64,17 @@ pub fn spawn(mut commands: Commands) {
     commands.spawn((Subject, GaussianSplats::default(), StyleSource::none(), StyleTransition::default()));
 }
 
-/// Begins to load the newest scene that was asked for. The present one stays until it is there.
-pub fn open(mut requests: MessageReader<Request>, mut shown: ResMut<Shown>, assets: Res<AssetServer>) {
-    for request in requests.read() {
-        match request {
-            Request::OpenAsset(path) => shown.replace(Next::Asset(assets.load(path.clone()), path.clone())),
-            Request::OpenWorld(address) => {
-                shown.replace(Next::World(assets.load(address::path_of(address))));
-            }
-            Request::OpenFile { name, bytes } => {
-                shown.replace(Next::File { name: name.clone(), bytes: bytes.clone() });
-            }
-            Request::Embed if !shown.is_embedding() => shown.replace(Next::Embedded),
-            Request::CancelEmbedding if shown.is_embedding() => shown.replace(Next::None),
-            _ => {}
-        }
+/// Begins to load a scene or a world. The present one stays until it is there.
+pub fn open(world: &mut World, next: impl FnOnce(&AssetServer) -> Next) {
+    let next = next(world.resource::<AssetServer>());
+    world.resource_mut::<Shown>().replace(next);
+}
+
+/// Begins to embed the present scene, or ends that.
+pub fn embed(world: &mut World, is_wanted: bool) {
+    let mut shown = world.resource_mut::<Shown>();
+    if shown.is_embedding() != is_wanted {
+        shown.replace(if is_wanted { Next::Embedded } else { Next::None });
     }
 }
 

@@ -3,12 +3,12 @@
 use bevy::prelude::*;
 use bevy_stylegaussian::{
     StyleSource,
-    style::{StyleInput, StyleMethod, StyleMotion, StyleStatistics, decoder::StyleBudget},
+    style::{StyleInput, StyleMethod, StyleStatistics},
 };
-use stylegaussian_app::{Arrival, Arrivals, Subject, relief_lit_from};
+use stylegaussian_app::Subject;
 
 use crate::{
-    bridge::{self, Event, Request},
+    bridge::{self, Event},
     paintings::Paintings,
     worker::{self, State},
 };
@@ -16,10 +16,14 @@ use crate::{
 /// The style that was asked for last.
 #[derive(Resource)]
 pub struct Wish {
-    styles: Vec<(String, f32)>,
-    content: f32,
-    strength: f32,
-    by_decoder: bool,
+    /// Names and weights. None are the captured colors.
+    pub styles: Vec<(String, f32)>,
+    /// Share of the content's features, 0..1.
+    pub content: f32,
+    /// Share of the style's colors, 0..1.
+    pub strength: f32,
+    /// Whether the decoder alone makes the colors of images, without their strokes.
+    pub by_decoder: bool,
     /// Whether it is to be put on the scene, which it is not yet.
     pub is_due: bool,
 }
@@ -41,27 +45,6 @@ impl Wish {
     /// Whether the decoder makes the colors of paintings. The styles of a mix are made in one way.
     fn is_decoded(&self) -> bool {
         self.by_decoder || self.styles.iter().any(|(name, _)| name.starts_with("decode:"))
-    }
-}
-
-/// Takes the newest wish, and the way in which styles arrive.
-pub fn wish(mut requests: MessageReader<Request>, mut wish: ResMut<Wish>, mut arrivals: ResMut<Arrivals>) {
-    for request in requests.read() {
-        match request {
-            Request::Style { styles, content, strength, by_decoder } => {
-                wish.styles.clone_from(styles);
-                (wish.content, wish.strength, wish.by_decoder) = (*content, *strength, *by_decoder);
-                wish.is_due = true;
-            }
-            Request::Transition { kind, seconds } => match Arrival::from_name(kind) {
-                Some(way) => *arrivals = Arrivals { way, seconds: *seconds },
-                None => bridge::tell(
-                    Event::Failed,
-                    &format!("found the transition `{kind}`, expected fade, sphere, front or noise"),
-                ),
-            },
-            _ => {}
-        }
     }
 }
 
@@ -104,49 +87,6 @@ pub fn put_on(
     // Only a real change may touch the component and the resource.
     method.set_if_neq(if by_decoder { StyleMethod::Decoder } else { StyleMethod::Paint });
     source.set_if_neq(mix);
-}
-
-/// Changes how strokes are drawn, and how they move.
-pub fn set_strokes(
-    mut requests: MessageReader<Request>,
-    mut source: Single<&mut StyleSource, With<Subject>>,
-) {
-    for request in requests.read() {
-        match *request {
-            Request::Strokes { paint, protection, stroke_scale } => {
-                (source.paint, source.protection, source.stroke_scale) = (paint, protection, stroke_scale);
-            }
-            Request::Motion { ref kind, rate, distance } => match motion(kind, rate) {
-                Some(motion) => source.motion = motion.with_amount(distance),
-                None => bridge::tell(
-                    Event::Failed,
-                    &format!("found the motion `{kind}`, expected still, boil or flow"),
-                ),
-            },
-            Request::Relief { amount, light_from } => source.relief = relief_lit_from(light_from, amount),
-            Request::ScreenStable(screen_stable) => source.screen_stable = screen_stable,
-            _ => {}
-        }
-    }
-}
-
-/// The motion that the page's script calls by this name.
-fn motion(kind: &str, rate: f32) -> Option<StyleMotion> {
-    match kind {
-        "still" => Some(StyleMotion::Still),
-        "boil" => Some(StyleMotion::boil(rate)),
-        "flow" => Some(StyleMotion::flow(rate)),
-        _ => None,
-    }
-}
-
-/// Changes the time that changes of style may take per frame.
-pub fn set_budget(mut requests: MessageReader<Request>, mut budget: ResMut<StyleBudget>) {
-    for request in requests.read() {
-        if let Request::Budget(ms_per_frame) = request {
-            budget.ms_per_frame = *ms_per_frame;
-        }
-    }
 }
 
 /// The style of a file beside the page: `look:ink` is baked for the demo scene, `decode:ink` are the statistics

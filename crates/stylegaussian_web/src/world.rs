@@ -6,20 +6,11 @@ use bevy::prelude::*;
 use bevy_stylegaussian::{
     GaussianWorld, StyleSource,
     style::WeightedStyle,
-    world::{GaussianBudget, GaussianWorldFailed, WorldState},
+    world::{GaussianWorldFailed, WorldState},
 };
 use stylegaussian_app::Subject;
 
-use crate::bridge::{self, Event, Request};
-
-/// Changes the budget of worlds.
-pub fn set_budget(mut requests: MessageReader<Request>, mut budget: ResMut<GaussianBudget>) {
-    for request in requests.read() {
-        if let Request::WorldBudget(gaussians) = request {
-            *budget = GaussianBudget::new(*gaussians);
-        }
-    }
-}
+use crate::bridge::{self, Event};
 
 /// Events that were told of a world since it was opened.
 #[derive(Default)]
