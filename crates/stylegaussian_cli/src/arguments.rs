@@ -1,6 +1,8 @@
 //! Values on the command line: weighted files, fractions, sizes, backgrounds, backends, names of outputs.
 
 use std::{
+    fmt::Display,
+    ops::RangeInclusive,
     path::{Path, PathBuf},
     str::FromStr,
 };
@@ -54,24 +56,9 @@ impl FromStr for WeightedPath {
     }
 }
 
-/// Whether the name is that of a look.
-pub fn is_look(path: &Path) -> bool {
-    path.to_string_lossy().to_lowercase().ends_with(".look.safetensors")
-}
-
-/// Whether the name is that of a mask.
-pub fn is_mask(path: &Path) -> bool {
-    path.to_string_lossy().to_lowercase().ends_with(".mask.safetensors")
-}
-
-/// Whether the name is that of a style preset.
-pub fn is_style(path: &Path) -> bool {
-    path.to_string_lossy().to_lowercase().ends_with(".style.safetensors")
-}
-
-/// Whether the name is that of a decoder.
-pub fn is_decoder(path: &Path) -> bool {
-    path.to_string_lossy().to_lowercase().ends_with(".decoder.safetensors")
+/// Whether the name is that of a `kind` of file: look, mask, style or decoder.
+pub fn is_named(path: &Path, kind: &str) -> bool {
+    path.to_string_lossy().to_lowercase().ends_with(&format!(".{kind}.safetensors"))
 }
 
 /// Whether `text` is meant as a number. Rust also parses `inf` and `nan`, but these are more likely names.
@@ -83,30 +70,22 @@ fn not_a_weight(found: &str) -> String {
     format!("weight {found}: expected a finite number, 0 or more")
 }
 
-/// A number from 0 to 1.
-pub fn fraction(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
-        _ => Err("expected a number from 0 to 1".into()),
+/// Numbers from 0 to 1.
+pub const FRACTIONS: RangeInclusive<f64> = 0.0..=1.0;
+/// Factors of what is 1 by default.
+pub const FACTORS: RangeInclusive<f32> = 0.0..=10.0;
+/// How many times as many Gaussians splitting may give.
+pub const SPLITS: RangeInclusive<f64> = 1.0..=16.0;
+
+/// A parser of numbers in a range.
+pub fn within<T>(range: RangeInclusive<T>) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync
+where
+    T: FromStr + PartialOrd + Display + Clone + Send + Sync + 'static,
+{
+    move |text: &str| {
+        let number = text.parse().ok().filter(|number| range.contains(number));
+        number.ok_or_else(|| format!("expected a number from {} to {}", range.start(), range.end()))
     }
-}
-
-/// A factor of the size of strokes. Beyond a hundred, one stroke covers a scene, or none is seen.
-pub fn stroke_scale(text: &str) -> Result<f32, String> {
-    let number = text.parse().ok().filter(|number| (0.01..=100.0).contains(number));
-    number.ok_or_else(|| "expected a number from 0.01 to 100".into())
-}
-
-/// A factor from 0 to 10.
-pub fn factor_to_10(text: &str) -> Result<f32, String> {
-    let number = text.parse().ok().filter(|number| (0.0..=10.0).contains(number));
-    number.ok_or_else(|| "expected a number from 0 to 10".into())
-}
-
-/// Pictures per second. Animated WebP tells times in milliseconds.
-pub fn pictures_per_second(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number| (0.1..=1000.0).contains(number));
-    number.ok_or_else(|| "expected a number from 0.1 to 1000".into())
 }
 
 /// Numbers with commas between them.
@@ -121,22 +100,10 @@ pub fn direction(text: &str) -> Result<Vec3, String> {
     direction.ok_or_else(|| "expected X,Y,Z in the scene's space, not all 0, as in 0,-1,0".into())
 }
 
-/// A number from 1 to 16: how many times as many Gaussians splitting may give.
-pub fn split_factor(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number| (1.0..=16.0).contains(number));
-    number.ok_or_else(|| "expected a number from 1 to 16".into())
-}
-
 /// A number from 0 to 1, without 1.
 pub fn less_than_1(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|number| (0.0..1.0).contains(number));
     number.ok_or_else(|| "expected a number of at least 0 and less than 1".into())
-}
-
-/// A number from `MIN` to 64: no decoder of this shape needs more.
-pub fn at_most_64<const MIN: usize>(text: &str) -> Result<usize, String> {
-    let number = text.parse().ok().filter(|number| (MIN..=64).contains(number));
-    number.ok_or_else(|| format!("expected a number from {MIN} to 64"))
 }
 
 /// Width and height of a picture, as in `640x480`.
@@ -267,6 +234,7 @@ mod tests {
 
     #[test]
     fn fractions_end_at_0_and_1() {
+        let fraction = within(FRACTIONS);
         assert_eq!(fraction("0"), Ok(0.0));
         assert_eq!(fraction("1.0"), Ok(1.0));
         for text in ["-0.1", "1.01", "nan", "NaN", "inf", "", "half"] {
@@ -276,7 +244,9 @@ mod tests {
 
     #[test]
     fn splits_end_at_1_and_16() {
+        let split_factor = within(SPLITS);
         assert_eq!((split_factor("1"), split_factor("16")), (Ok(1.0), Ok(16.0)));
+        assert_eq!(split_factor("17"), Err("expected a number from 1 to 16".into()));
         for text in ["0", "17", "nan", "a.ply", ""] {
             assert!(split_factor(text).is_err(), "{text}");
         }
@@ -331,9 +301,10 @@ mod tests {
         for text in ["", "1,2", "0,0,0", "nan,0,1", "1,inf,0", "1,2,3,4", "x"] {
             assert!(direction(text).is_err(), "{text}");
         }
-        assert_eq!(pictures_per_second("23.976"), Ok(23.976));
+        let rate = within(0.1_f64..=1000.0);
+        assert_eq!(rate("23.976"), Ok(23.976));
         for text in ["", "0", "0.05", "-1", "nan", "inf", "1001"] {
-            assert!(pictures_per_second(text).is_err(), "{text}");
+            assert!(rate(text).is_err(), "{text}");
         }
     }
 

@@ -89,4 +89,24 @@ mod tests {
     fn the_arguments_are_consistent() {
         Cli::command().debug_assert();
     }
+
+    /// A parser of another type than its field would panic when the option is given.
+    #[test]
+    fn numbers_have_the_types_of_their_fields() {
+        let style = "--style s.jpg --content 0.5 --stroke-scale 2 --paint-amount 2 --protection 2";
+        for arguments in [
+            &format!(
+                "stylize a.ply {style} --palette ff0000,00ff00 --palette-strength 1 --split-paint=3 -o b.ply"
+            ),
+            &format!("render a.ply {style} --relief 1 --fps 12 --boil 8 --motion-amount 1 -o d"),
+            &format!("render a.ply {style} --flow 0.5 -o d"),
+            "bake a.ply --style s.jpg --strength 2 -o a.look.safetensors",
+            "embed a.ply --split=3 -o a.sgs",
+            "eval a.ply --styles d --split-paint=3",
+            "train a.sgs --styles d --average 0.1 --noise 1 --smoothing 0 -k 8 -o a.decoder.safetensors",
+        ] {
+            let words = ["stylegaussian"].into_iter().chain(arguments.split(' '));
+            assert!(Cli::try_parse_from(words).is_ok(), "{arguments}");
+        }
+    }
 }

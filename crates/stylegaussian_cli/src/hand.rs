@@ -17,7 +17,7 @@ use stylegaussian_encoder::{Image, paint_of};
 use stylegaussian_files::{read_paint, read_pins};
 
 use crate::{
-    arguments::{area, fraction, numbers, rgb},
+    arguments::{FRACTIONS, area, numbers, rgb, within},
     choose::open_painting,
     terminal::usage_error,
 };
@@ -41,7 +41,7 @@ pub struct HandArgs {
     #[arg(
         long,
         value_name = "0..1",
-        value_parser = fraction,
+        value_parser = within(FRACTIONS),
         requires = "styles",
         allow_negative_numbers = true,
     )]

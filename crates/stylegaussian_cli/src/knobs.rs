@@ -3,13 +3,14 @@
 use clap::Args;
 use stylegaussian::strokes::{MAX_GAIN, PlainSeed, StrokeKnobs, StrokeWord, Strokes};
 
-use crate::arguments::{factor_to_10, stroke_scale};
+use crate::arguments::{FACTORS, within};
 
 /// Options of strokes.
 #[derive(Args, Debug)]
 pub struct StrokeArgs {
     /// Size of the strokes, as a factor. 1: as in the painting, if the scene is seen at 512 pixels.
-    #[arg(long, value_name = "FACTOR", default_value = "1", value_parser = stroke_scale)]
+    // Beyond a hundred, one stroke covers a scene, or none is seen.
+    #[arg(long, value_name = "FACTOR", default_value = "1", value_parser = within(0.01_f32..=100.0))]
     stroke_scale: f32,
     /// Strength of the strokes, as a factor: 0 leaves the colors under them.
     #[arg(
@@ -17,7 +18,7 @@ pub struct StrokeArgs {
         value_name = "FACTOR",
         default_value = "1",
         allow_negative_numbers = true,
-        value_parser = factor_to_10,
+        value_parser = within(FACTORS),
     )]
     paint_amount: f32,
     /// How much of what stands out keeps its own detail, as a factor: below 1, more of it is painted.
@@ -26,7 +27,7 @@ pub struct StrokeArgs {
         value_name = "FACTOR",
         default_value = "1",
         allow_negative_numbers = true,
-        value_parser = factor_to_10,
+        value_parser = within(FACTORS),
     )]
     protection: f32,
 }

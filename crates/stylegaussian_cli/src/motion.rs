@@ -4,7 +4,7 @@ use clap::Args;
 use glam::Vec3;
 use stylegaussian::{Camera, strokes::StrokeMotion};
 
-use crate::arguments::{direction, factor_to_10, pictures_per_second};
+use crate::arguments::{FACTORS, direction, within};
 
 /// Distance of strokes that are redrawn if `--motion-amount` is not given, in widths of a stroke.
 const BOIL_AMOUNT: f32 = 0.5;
@@ -19,7 +19,8 @@ pub struct MotionArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=999_999))]
     pub frames: Option<u32>,
     /// Pictures per second, of films and of strokes that move.
-    #[arg(long, value_name = "F", default_value = "24", value_parser = pictures_per_second)]
+    // Animated WebP tells times in milliseconds.
+    #[arg(long, value_name = "F", default_value = "24", value_parser = within(0.1_f64..=1000.0))]
     pub fps: f64,
     /// Strokes are redrawn so many times a second.
     #[arg(
@@ -28,7 +29,7 @@ pub struct MotionArgs {
         requires = "restyling",
         conflicts_with = "flow",
         allow_negative_numbers = true,
-        value_parser = factor_to_10,
+        value_parser = within(FACTORS),
     )]
     boil: Option<f32>,
     /// Strokes run along their own direction so many times a second.
@@ -37,7 +38,7 @@ pub struct MotionArgs {
         value_name = "RATE",
         requires = "restyling",
         allow_negative_numbers = true,
-        value_parser = factor_to_10,
+        value_parser = within(FACTORS),
     )]
     flow: Option<f32>,
     /// Distance by which strokes are beside their places or that they run, in widths of a stroke. Default: 0.5
@@ -47,7 +48,7 @@ pub struct MotionArgs {
         value_name = "WIDTHS",
         requires = "restyling",
         allow_negative_numbers = true,
-        value_parser = factor_to_10,
+        value_parser = within(FACTORS),
     )]
     motion_amount: Option<f32>,
     /// Direction to whose side strokes flow, in the scene's space.

@@ -4,7 +4,7 @@ use clap::Args;
 use glam::Vec3;
 use stylegaussian::{Scene, strokes::StrokeKnobs};
 
-use crate::arguments::{direction, factor_to_10};
+use crate::arguments::{FACTORS, direction, within};
 
 /// Options of relief.
 #[derive(Args, Debug)]
@@ -16,7 +16,7 @@ pub struct ReliefArgs {
         default_value = "0",
         requires = "restyling",
         allow_negative_numbers = true,
-        value_parser = factor_to_10,
+        value_parser = within(FACTORS),
     )]
     relief: f32,
     /// Direction to that light, in the scene's space. Default: from above, and from one side.

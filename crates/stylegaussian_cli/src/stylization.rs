@@ -21,7 +21,7 @@ use stylegaussian_encoder::{Encoder, StyleSize, painted_style, style_statistics}
 use stylegaussian_files::{read_look, read_paint, read_style};
 
 use crate::{
-    arguments::{Backend, WeightedPath, fraction},
+    arguments::{Backend, FRACTIONS, WeightedPath, within},
     choose::{self, NamedDecoder, check_encoders, open_encoder, open_painting},
     compute::Compute,
     hand::{Decided, HandArgs, usable_paint_of},
@@ -47,7 +47,7 @@ pub struct StylizationArgs {
         value_name = "0..1",
         default_value = "0",
         allow_negative_numbers = true,
-        value_parser = fraction,
+        value_parser = within(FRACTIONS),
     )]
     content: f64,
     /// The decoder, *.decoder.safetensors. Default: the scene's own, else the built-in one.

@@ -14,6 +14,7 @@ use stylegaussian_files::{
 };
 
 use crate::{
+    arguments::is_named,
     scenes::{ReadArgs, WriteArgs, extension, is_writable, unexpected_extension},
     terminal::{lossy, print, warn},
 };
@@ -74,7 +75,7 @@ const COMPRESSED_PLY: &str = ".compressed.ply";
 /// Runs the command.
 pub fn run(arguments: &ConvertArgs) -> Result<()> {
     let ConvertArgs { input, output, json, .. } = arguments;
-    let is_decoder = output.to_string_lossy().to_lowercase().ends_with(".decoder.safetensors");
+    let is_decoder = is_named(output, "decoder");
     // Before anything is read, because it is a usage error.
     if !is_decoder && !is_writable(output) {
         return Err(unexpected_extension(output, &["decoder.safetensors"]));

@@ -19,7 +19,7 @@ use stylegaussian_train::{
 };
 
 use crate::{
-    arguments::{Backend, split_factor},
+    arguments::{Backend, SPLITS, within},
     choose::{FrameArgs, expect_seen, open_encoder},
     outputs::expect_files,
     scenes::{ReadArgs, extension},
@@ -88,7 +88,7 @@ pub struct EmbedArgs {
     /// Split Gaussians that are larger than a brush stroke first, which makes room for finer strokes: to at
     /// most FACTOR times their number [default: 2 if no FACTOR is given].
     #[arg(long, value_name = "FACTOR", num_args = 0..=1, require_equals = true, default_missing_value = "2",
-        value_parser = split_factor)]
+        value_parser = within(SPLITS))]
     split: Option<f64>,
     /// The encoder: a file of `distill`, VGG-19 weights (safetensors, .pth) or an ONNX file. Default: the file
     /// in STYLEGAUSSIAN_ENCODER, else the built-in encoder.

@@ -20,7 +20,7 @@ use stylegaussian_train::{
 };
 
 use crate::{
-    arguments::split_factor,
+    arguments::{SPLITS, within},
     choose::{self, FrameArgs, loss_weights, open_encoder, open_painting},
     hand::usable_paint_of,
     outputs::expect_files,
@@ -91,7 +91,7 @@ pub struct EvalArgs {
     whole_picture: bool,
     /// Evaluate scenes as `stylize --split-paint` writes them: split, and drawn without strokes [default: 4 if
     /// no N is given].
-    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "4", value_parser = split_factor)]
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "4", value_parser = within(SPLITS))]
     split_paint: Option<f64>,
     /// Pairs of cameras whose views should agree, as JSON: {"short": [[0, 1], ...], "long": [[0, 7], ...]}.
     /// Default: pairs on an orbit of 36 views.

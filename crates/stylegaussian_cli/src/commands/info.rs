@@ -20,7 +20,7 @@ use stylegaussian_files::{
 use stylegaussian_gpu::{colors::GaussianColors, splat::GpuScene, style::StyleScene};
 
 use crate::{
-    arguments::{is_decoder, is_look, is_mask, is_style},
+    arguments::is_named,
     choose,
     scenes::ReadArgs,
     terminal::{lossy, print, warn},
@@ -124,17 +124,11 @@ impl GpuBytes {
 /// Runs the command.
 pub fn run(arguments: &InfoArgs) -> Result<()> {
     let InfoArgs { file: path, reading, json } = arguments;
-    if is_look(path) {
-        return look::run(path, *json);
-    }
-    if is_mask(path) {
-        return mask::run(path, *json);
-    }
-    if is_style(path) {
-        return style::run(path, *json);
-    }
-    if is_decoder(path) {
-        return decoder::run(path, *json);
+    type Describe = fn(&Path, bool) -> Result<()>;
+    let kinds: [(&str, Describe); 4] =
+        [("look", look::run), ("mask", mask::run), ("style", style::run), ("decoder", decoder::run)];
+    if let Some((_, run)) = kinds.iter().find(|(kind, _)| is_named(path, kind)) {
+        return run(path, *json);
     }
     if let Some(manifest) = manifest_at(path).filter(|_| reading.options() == ReadOptions::default()) {
         match World::open(&manifest) {

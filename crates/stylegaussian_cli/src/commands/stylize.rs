@@ -9,7 +9,7 @@ use stylegaussian::{Look, Scene, paint::Painted, split::split_paint};
 use stylegaussian_files::{WriteOptions, write_colors, write_look, write_scene_with};
 
 use crate::{
-    arguments::{is_look, split_factor},
+    arguments::{SPLITS, is_named, within},
     outputs::expect_files,
     scenes::{ReadArgs, WriteArgs, extension, is_writable, unexpected_extension},
     stylization::{Stylization, StylizationArgs},
@@ -36,7 +36,7 @@ pub struct StylizeArgs {
     /// For a scene that programs without strokes show: split Gaussians that are larger than the strokes' detail
     /// and seen, to at most N times as many in all, and fit their colors to pictures with strokes [default: 4
     /// if no N is given].
-    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "4", value_parser = split_factor)]
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "4", value_parser = within(SPLITS))]
     split_paint: Option<f64>,
     #[command(flatten)]
     writing: WriteArgs,
@@ -71,7 +71,7 @@ impl Format {
     fn of(path: &Path) -> Result<Self> {
         match &*extension(path) {
             _ if is_writable(path) => Ok(Self::Scene),
-            "safetensors" if is_look(path) => Ok(Self::Look),
+            "safetensors" if is_named(path, "look") => Ok(Self::Look),
             "safetensors" => Ok(Self::Colors),
             _ => Err(unexpected_extension(path, &["look.safetensors", "safetensors"])),
         }

@@ -19,7 +19,7 @@ use stylegaussian_train::{
 };
 
 use crate::{
-    arguments::{Backend, WeightedPath, at_most_64, beside, fraction, less_than_1},
+    arguments::{Backend, FRACTIONS, WeightedPath, beside, less_than_1, within},
     choose::{expect_seen, loss_weights, open_encoder},
     compute::processor,
     outputs::expect_files,
@@ -131,18 +131,18 @@ pub struct TrainArgs {
         long,
         value_name = "SHARE",
         default_value_t = TrainConfig::default().average,
-        value_parser = fraction,
+        value_parser = within(FRACTIONS),
     )]
     average: f64,
     /// Activation of a new decoder: `sigmoid` (as in the paper) or `leaky_relu:SLOPE`.
     #[arg(long, value_name = "A", default_value_t = NewDecoder::default().activation)]
     activation: Activation,
     /// Number of noise inputs. Default: as in `--init`, else 0. Fewer than `--init` has drops the last ones.
-    #[arg(long, value_name = "N", value_parser = at_most_64::<0>)]
+    #[arg(long, value_name = "N", value_parser = within(0..=64_usize))]
     noise: Option<usize>,
     /// Smoothing passes over the decoded colors, which make views agree. Default: as in `--init`, else 1. The
     /// paper has none.
-    #[arg(long, value_name = "N", value_parser = at_most_64::<0>)]
+    #[arg(long, value_name = "N", value_parser = within(0..=64_usize))]
     smoothing: Option<usize>,
     /// Share of the base color in the final color, at least 0 and less than 1. The decoder gives the rest.
     /// Default: as in `--init`, else 0 (as in the paper).
@@ -171,7 +171,7 @@ pub struct TrainArgs {
         long,
         value_name = "K",
         default_value_t = NewDecoder::default().k,
-        value_parser = at_most_64::<1>,
+        value_parser = within(1..=64_usize),
     )]
     k: usize,
     /// Number of paintings held out of training, spread over the folder, and shown on the contact sheet at the

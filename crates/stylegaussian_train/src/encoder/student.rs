@@ -9,7 +9,7 @@ use stylegaussian_encoder::chain::{self, Chain, Convolution, Operation, Padding}
 use crate::{
     error::TrainError,
     nn::{
-        ops::{Windows, max_pool, windows_conv},
+        ops::{Windows, windows_conv},
         parameter::{Parameter, to_vec},
     },
 };
@@ -33,11 +33,9 @@ pub enum Step {
     },
     /// x + relu(W x + b), 3x3.
     Residual,
-    /// The largest of 2x2.
-    MaxPool,
 }
 
-use Step::{Convolution as Conv, MaxPool, Residual};
+use Step::{Convolution as Conv, Residual};
 
 /// The network. Width and height are halved twice, as in VGG up to relu3_1, but immediately and first by a
 /// large kernel: VGG spends most of its operations at full and half size, the student few. A cell sees 28
@@ -57,16 +55,15 @@ pub const STEPS: &[Step] = &[
 pub struct Student {
     /// Weight, bias, ..., weight, bias, deviations.
     pub parameters: Vec<Parameter>,
-    steps: Vec<Step>,
+    kernels: Vec<Kernel>,
 }
 
-/// The windows of each step over a batch of pictures, stacked vertically.
+/// The windows of each convolution over a batch of pictures, stacked vertically.
 pub struct Grids {
-    /// Windows of the first step, over the pictures.
+    /// Windows of the first convolution, over the pictures.
     first: Windows,
-    /// Windows of each step and of the last convolution, and the size of the step's input `[W, n * H]`. The
-    /// first step's pixels are gathered beforehand, so its windows are 1x1.
-    steps: Vec<(Arc<Windows>, [usize; 2])>,
+    /// Windows of each convolution. The first one's pixels are gathered beforehand, so its windows are 1x1.
+    convolutions: Vec<Arc<Windows>>,
 }
 
 /// The shape of a convolution.
@@ -77,68 +74,46 @@ struct Kernel {
     stride: usize,
     d_in: usize,
     d_out: usize,
+    /// Whether the result is added to the input.
+    adds: bool,
 }
 
 fn kernels(steps: &[Step], n_channels: usize) -> Vec<Kernel> {
     let mut d_in = 3;
-    let mut kernels = Vec::new();
-    for step in steps {
-        match *step {
-            Conv { kernel, stride, channels } => {
-                kernels.push(Kernel { side: kernel, stride, d_in, d_out: channels });
-                d_in = channels;
-            }
-            Residual => kernels.push(Kernel { side: 3, stride: 1, d_in, d_out: d_in }),
-            MaxPool => (),
+    let kernel = |step: &Step| match *step {
+        Conv { kernel: side, stride, channels } => {
+            let d_in = std::mem::replace(&mut d_in, channels);
+            Kernel { side, stride, d_in, d_out: channels, adds: false }
         }
-    }
-    kernels.push(Kernel { side: 1, stride: 1, d_in, d_out: n_channels });
-    kernels
+        Residual => Kernel { side: 3, stride: 1, d_in, d_out: d_in, adds: true },
+    };
+    let last = Conv { kernel: 1, stride: 1, channels: n_channels };
+    steps.iter().chain([&last]).map(kernel).collect()
 }
 
 /// Multiply-adds of the network on a picture of `size` = [W, H].
 pub fn multiply_adds(steps: &[Step], n_channels: usize, mut size: [usize; 2]) -> usize {
-    let mut kernels = kernels(steps, n_channels).into_iter();
-    let mut sum = 0;
-    for step in steps.iter().map(Some).chain([None]) {
-        let stride = match step {
-            Some(MaxPool) => 2,
-            Some(Conv { stride, .. }) => *stride,
-            Some(Residual) | None => 1,
-        };
-        size = size.map(|side| side.div_ceil(stride));
-        if step != Some(&MaxPool) {
-            let operations = |Kernel { side, d_in, d_out, .. }: Kernel| side * side * d_in * d_out;
-            sum += size[0] * size[1] * kernels.next().map_or(0, operations);
-        }
-    }
-    sum
+    let operations = |Kernel { side, stride, d_in, d_out, .. }: Kernel| {
+        size = size.map(|pixels| pixels.div_ceil(stride));
+        size[0] * size[1] * side * side * d_in * d_out
+    };
+    kernels(steps, n_channels).into_iter().map(operations).sum()
 }
 
 impl Grids {
     /// For `n` pictures of `size` = [W, H].
     pub fn new(steps: &[Step], mut size: [usize; 2], n: usize) -> Self {
-        let mut first = None;
-        let mut grid = |step: Option<&Step>| {
-            let (kernel, stride) = match step {
-                Some(Conv { kernel, stride, .. }) => (*kernel, *stride),
-                Some(Residual) => (3, 1),
-                Some(MaxPool) => (2, 2),
-                None => (1, 1),
-            };
-            // Max-pooling takes the batch as one tall picture. That is right if heights are even, as they are
-            // for crops.
-            let stacked = [size[0], size[1] * n];
-            let windows = Windows::of_pictures(size, n, kernel, stride);
-            size = size.map(|side| side.div_ceil(stride));
-            if first.is_some() {
-                return (Arc::new(windows), stacked);
-            }
-            first = Some(windows);
-            (Arc::new(Windows::of_pictures(size, n, 1, 1)), stacked)
+        let mut windows = |Kernel { side, stride, .. }: Kernel| {
+            let windows = Windows::of_pictures(size, n, side, stride);
+            size = size.map(|pixels| pixels.div_ceil(stride));
+            windows
         };
-        let steps = steps.iter().map(Some).chain([None]).map(&mut grid).collect();
-        Self { first: first.unwrap_or_else(|| Windows::of_pictures(size, n, 1, 1)), steps }
+        // Windows do not depend on the number of channels.
+        let kernels = kernels(steps, 0);
+        let first = windows(kernels[0]);
+        let gathered = windows(Kernel { side: 1, stride: 1, ..kernels[0] });
+        let others = kernels[1..].iter().map(|kernel| windows(*kernel));
+        Self { convolutions: std::iter::once(gathered).chain(others).map(Arc::new).collect(), first }
     }
 }
 
@@ -147,21 +122,19 @@ impl Student {
     pub fn new(steps: &[Step], deviations: &[f32], random: &mut Random, device: &Device) -> Self {
         let parameter = |values, shape| Parameter::new(values, shape, device);
         let mut parameters = Vec::new();
-        // The last convolution starts small too, hence the `true` at the end.
-        let adds = steps.iter().filter(|step| **step != MaxPool).map(|step| *step == Residual);
-        for (Kernel { side, d_in, d_out, .. }, adds) in
-            kernels(steps, deviations.len()).into_iter().zip(adds.chain([true]))
-        {
+        let kernels = kernels(steps, deviations.len());
+        for (i, Kernel { side, d_in, d_out, adds, .. }) in kernels.iter().copied().enumerate() {
             let columns = side * side * d_in;
             // Residual branches and the features start small. Otherwise the first hundreds of steps would only
             // learn the scale.
-            let deviation = if adds { 0.3 } else { 1.0 } * (2.0 / columns as f32).sqrt();
+            let factor = if adds || i + 1 == kernels.len() { 0.3 } else { 1.0 };
+            let deviation = factor * (2.0 / columns as f32).sqrt();
             let weight = (0..d_out * columns).map(|_| deviation * random.normal()).collect();
             parameters.push(parameter(weight, [d_out, columns]));
             parameters.push(parameter(vec![0.0; d_out], [1, d_out]));
         }
         parameters.push(parameter(deviations.to_vec(), [1, deviations.len()]));
-        Self { parameters, steps: steps.to_vec() }
+        Self { parameters, kernels }
     }
 
     /// The teacher's deviations `[1, D]`.
@@ -172,23 +145,12 @@ impl Student {
     /// Features of pictures in units of the teacher's deviations `[n * h * w, D]`, from [`Student::patches`].
     pub fn forward(&self, patches: Tensor<2>, grids: &Grids) -> Tensor<2> {
         // The deviations are the odd one at the end, which `chunks_exact` leaves out.
-        let mut kernels = self.parameters.chunks_exact(2).map(|pair| {
-            let d_out = pair[0].values.dims()[0];
-            (pair[0].values.clone(), pair[1].values.clone().reshape([d_out]))
-        });
-        let mut convolved = |x: Tensor<2>, windows: &Arc<Windows>| match kernels.next() {
-            Some((weight, bias)) => relu(windows_conv(x, weight, bias, windows)),
-            None => x,
-        };
-        let mut x = patches;
-        for (step, (windows, size)) in self.steps.iter().zip(&grids.steps) {
-            x = match step {
-                Conv { .. } => convolved(x, windows),
-                Residual => x.clone() + convolved(x, windows),
-                MaxPool => max_pool(x, *size),
-            };
-        }
-        convolved(x, &grids.steps[self.steps.len()].0)
+        let layers = self.parameters.chunks_exact(2).zip(&self.kernels).zip(&grids.convolutions);
+        layers.fold(patches, |x, ((pair, kernel), windows)| {
+            let (weight, bias) = (pair[0].values.clone(), pair[1].values.clone().reshape([kernel.d_out]));
+            let y = relu(windows_conv(x.clone(), weight, bias, windows));
+            if kernel.adds { x + y } else { y }
+        })
     }
 
     /// The first convolution's windows of pictures RGB 0..1 `[n * H * W, 3]`, normalized:
@@ -207,10 +169,8 @@ impl Student {
     pub fn chain(&self, values: &[Tensor<2>]) -> Result<Chain, TrainError> {
         let values = values.iter().map(to_vec).collect::<Result<Vec<_>, _>>()?;
         let deviations = values.last().map(Vec::as_slice).unwrap_or_default();
-        let kernels = kernels(&self.steps, deviations.len());
-        let last = kernels.len() - 1;
-        let convolution = |i: usize| {
-            let Kernel { side, d_in, d_out, .. } = kernels[i];
+        let mut operations = Vec::new();
+        for (i, Kernel { side, stride, d_in, d_out, adds }) in self.kernels.iter().copied().enumerate() {
             let (mut weight, mut bias) = (values[2 * i].clone(), values[2 * i + 1].clone());
             // W (GAIN (x - CENTER)) + b = (GAIN W) x + (b - GAIN CENTER sum W). Exact at the border too, where
             // padding reflects pixels and adds no zeros.
@@ -221,39 +181,24 @@ impl Student {
                 }
             }
             // Deviations are positive, so they can be multiplied before the ReLU instead of after it.
-            if i == last {
+            if i + 1 == self.kernels.len() {
                 let rows = weight.chunks_exact_mut(d_in).zip(&mut bias);
                 for ((row, bias), deviation) in rows.zip(deviations) {
                     row.iter_mut().for_each(|value| *value *= deviation);
                     *bias *= deviation;
                 }
             }
-            oihw(&weight, bias, side, d_in, d_out)
-        };
-        let (mut operations, mut next) = (Vec::new(), 0..);
-        let mut convolved = |operations: &mut Vec<Operation>| -> Result<(), TrainError> {
-            let i = next.next().unwrap_or_default();
-            let Kernel { side, stride, .. } = kernels[i];
             // An even kernel has no middle: it reaches one pixel further after than before.
             let border = Padding::Reflect([(side - 1) / 2, side / 2]);
-            let convolution = Convolution::strided(&convolution(i), border, stride);
-            let convolution =
-                convolution.map_err(|found| TrainError::Invalid(format!("the student has {found}")))?;
+            let kernel = oihw(&weight, bias, side, d_in, d_out);
+            let convolution = Convolution::strided(&kernel, border, stride)
+                .map_err(|found| TrainError::Invalid(format!("the student has {found}")))?;
+            let before = operations.len();
             operations.push(Operation::Convolution(convolution.rectified()));
-            Ok(())
-        };
-        for step in &self.steps {
-            match step {
-                Conv { .. } => convolved(&mut operations)?,
-                Residual => {
-                    let before = operations.len();
-                    convolved(&mut operations)?;
-                    operations.push(Operation::Add(before));
-                }
-                MaxPool => operations.push(Operation::MaxPool { ceil: true }),
+            if adds {
+                operations.push(Operation::Add(before));
             }
         }
-        convolved(&mut operations)?;
         Ok(Chain::new(3, operations)?)
     }
 }
@@ -278,8 +223,7 @@ mod tests {
         let steps = [
             Conv { kernel: 6, stride: 2, channels: 4 },
             Residual,
-            MaxPool,
-            Conv { kernel: 3, stride: 1, channels: 5 },
+            Conv { kernel: 2, stride: 2, channels: 5 },
         ];
         let mut student = Student::new(&steps, &[0.5, 2.0, 1.0], &mut random, &device);
         for parameter in &mut student.parameters {
@@ -307,8 +251,9 @@ mod tests {
 
     #[test]
     fn multiply_adds_of_a_small_network() {
-        let steps = [Conv { kernel: 2, stride: 2, channels: 4 }, Residual, MaxPool];
-        // 4x3 cells of 12 x 4 and of 36 x 4, then 2x2 of 4 x 5.
-        assert_eq!(multiply_adds(&steps, 5, [8, 6]), 12 * 48 + 12 * 144 + 4 * 20);
+        let halving = Conv { kernel: 2, stride: 2, channels: 4 };
+        // 4x3 cells of 12 x 4 and of 36 x 4, then 2x2 of 16 x 4 and of 4 x 5.
+        let expected = 12 * 48 + 12 * 144 + 4 * 64 + 4 * 20;
+        assert_eq!(multiply_adds(&[halving, Residual, halving], 5, [8, 6]), expected);
     }
 }

@@ -1,6 +1,6 @@
 //! Gradients of the custom operations.
 
-use std::sync::Arc;
+use std::{fmt::Debug, sync::Arc};
 
 use burn::{
     backend::{
@@ -8,7 +8,7 @@ use burn::{
         autodiff::{
             checkpoint::{base::Checkpointer, strategy::CheckpointStrategy},
             grads::Gradients,
-            ops::{Backward, Ops, OpsKind},
+            ops::{Backward, NodeGuard, Ops, OpsKind, unary},
         },
         tensor::FloatTensor,
     },
@@ -45,63 +45,28 @@ impl<B: TrainingOps> Backward<B, 3> for WindowsConv {
     }
 }
 
-/// Registers the gradient of an operation's one argument, computed from the state and the result's gradient.
-fn pass_back<B: Backend, S>(
-    ops: Ops<S, 1>,
-    grads: &mut Gradients,
-    gradient: impl FnOnce(S, FloatTensor<B>) -> FloatTensor<B>,
-) {
-    let grad = grads.consume::<B>(&ops.node);
-    if let [Some(parent)] = ops.parents {
-        grads.register::<B>(parent.id, gradient(ops.state, grad));
+/// The gradient of an operation's one argument, from what was kept and the result's gradient.
+#[derive(Debug)]
+struct Unary<B: Backend, S>(fn(S, FloatTensor<B>) -> FloatTensor<B>);
+
+impl<B: Backend, S: Clone + Send + Debug + 'static> Backward<B, 1> for Unary<B, S> {
+    type State = S;
+
+    fn backward(self, ops: Ops<S, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
+        unary::<B, _>(ops.parents, ops.node, grads, |grad| self.0(ops.state, grad));
     }
 }
 
-#[derive(Debug)]
-struct WindowsConvRelu;
-
-impl<B: TrainingOps> Backward<B, 1> for WindowsConvRelu {
-    type State = (FloatTensor<B>, FloatTensor<B>, Arc<Windows>);
-
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        pass_back::<B, _>(ops, grads, |(y, weight, windows), grad| {
-            B::windows_conv_relu_backward(y, weight, grad, windows)
-        });
-    }
-}
-
-#[derive(Debug)]
-struct MaxPool;
-
-impl<B: TrainingOps> Backward<B, 1> for MaxPool {
-    type State = (FloatTensor<B>, FloatTensor<B>, [usize; 2]);
-
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        pass_back::<B, _>(ops, grads, |(x, y, size), grad| B::max_pool_backward(x, y, grad, size));
-    }
-}
-
-#[derive(Debug)]
-struct RowStatistics;
-
-impl<B: TrainingOps> Backward<B, 1> for RowStatistics {
-    type State = (FloatTensor<B>, FloatTensor<B>, Arc<Vec<f32>>);
-
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        pass_back::<B, _>(ops, grads, |(x, statistics, shares), grad| {
-            B::row_statistics_backward(x, statistics, grad, shares)
-        });
-    }
-}
-
-#[derive(Debug)]
-struct Splat;
-
-impl<B: TrainingOps> Backward<B, 1> for Splat {
-    type State = Arc<BlendWeights>;
-
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        pass_back::<B, _>(ops, grads, |weights, grad| B::splat_backward(grad, weights));
+/// Records the result `y` of an operation of one argument, and what its gradient needs.
+fn recorded<B: Backend, C: CheckpointStrategy, S: Clone + Send + Debug + 'static>(
+    argument: NodeGuard,
+    y: FloatTensor<B>,
+    kept: S,
+    gradient: fn(S, FloatTensor<B>) -> FloatTensor<B>,
+) -> FloatTensor<Autodiff<B, C>> {
+    match Unary(gradient).prepare::<C>([argument]).compute_bound().stateful() {
+        OpsKind::Tracked(prep) => prep.finish(kept, y),
+        OpsKind::UnTracked(prep) => prep.finish(y),
     }
 }
 
@@ -129,43 +94,38 @@ impl<B: TrainingOps, C: CheckpointStrategy> TrainingOps for Autodiff<B, C> {
         bias: FloatTensor<Self>,
         windows: Arc<Windows>,
     ) -> FloatTensor<Self> {
-        let nodes = [x.node()];
-        let [x, weight, bias] = [x, weight, bias].map(|tensor| tensor.into_primitive());
+        let (node, weight) = (x.node(), weight.into_primitive());
+        let [x, bias] = [x, bias].map(|tensor| tensor.into_primitive());
         let y = B::windows_conv_relu(x, weight.clone(), bias, windows.clone());
-        match WindowsConvRelu.prepare::<C>(nodes).compute_bound().stateful() {
-            // y instead of x: it tells where the ReLU let a value through.
-            OpsKind::Tracked(prep) => prep.finish((y.clone(), weight, windows), y),
-            OpsKind::UnTracked(prep) => prep.finish(y),
-        }
+        // y instead of x: it tells where the ReLU let a value through.
+        recorded::<B, C, _>(node, y.clone(), (y, weight, windows), |(y, weight, windows), grad| {
+            B::windows_conv_relu_backward(y, weight, grad, windows)
+        })
     }
 
     fn max_pool(x: FloatTensor<Self>, size: [usize; 2]) -> FloatTensor<Self> {
-        let nodes = [x.node()];
-        let x = x.into_primitive();
+        let (node, x) = (x.node(), x.into_primitive());
         let y = B::max_pool(x.clone(), size);
-        match MaxPool.prepare::<C>(nodes).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish((x, y.clone(), size), y),
-            OpsKind::UnTracked(prep) => prep.finish(y),
-        }
+        recorded::<B, C, _>(node, y.clone(), (x, y, size), |(x, y, size), grad| {
+            B::max_pool_backward(x, y, grad, size)
+        })
     }
 
     fn row_statistics(x: FloatTensor<Self>, shares: Arc<Vec<f32>>) -> FloatTensor<Self> {
-        let nodes = [x.node()];
-        let x = x.into_primitive();
+        let (node, x) = (x.node(), x.into_primitive());
         let statistics = B::row_statistics(x.clone(), shares.clone());
-        match RowStatistics.prepare::<C>(nodes).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish((x, statistics.clone(), shares), statistics),
-            OpsKind::UnTracked(prep) => prep.finish(statistics),
-        }
+        recorded::<B, C, _>(
+            node,
+            statistics.clone(),
+            (x, statistics, shares),
+            |(x, statistics, shares), grad| B::row_statistics_backward(x, statistics, grad, shares),
+        )
     }
 
     fn splat(colors: FloatTensor<Self>, weights: Arc<BlendWeights>) -> FloatTensor<Self> {
-        let nodes = [colors.node()];
+        let node = colors.node();
         let picture = B::splat(colors.into_primitive(), weights.clone());
-        match Splat.prepare::<C>(nodes).compute_bound().stateful() {
-            // The map is linear, so the colors themselves are not needed.
-            OpsKind::Tracked(prep) => prep.finish(weights, picture),
-            OpsKind::UnTracked(prep) => prep.finish(picture),
-        }
+        // The map is linear, so the colors themselves are not needed.
+        recorded::<B, C, _>(node, picture, weights, |weights, grad| B::splat_backward(grad, weights))
     }
 }
