@@ -22,6 +22,7 @@ use stylegaussian_encoder::paint_of;
 use crate::{
     AppliedStyle, GaussianSplats, HiddenUntilStyled, StyleApplied, StyleSource, StyleThreads,
     colors::ColorLayers,
+    scene::LoadedScene,
     style::{
         StyleInput, StyleLook, StyleMethod, StyleRecolored, StyleStatistics, decoder::StyleEncoder,
         has_unsettled_styles,
@@ -309,6 +310,24 @@ fn the_scene_is_recolored_until_it_is_painted() {
     }
     assert_eq!([shown(app.world(), plain), shown(app.world(), hidden)], [Some((false, 1)); 2]);
     assert!(drain::<StyleRecolored>(&mut app).is_empty(), "told once");
+}
+
+/// What a painting prepares of a scene takes hundreds of megabytes. All of it keeps the scene's data.
+#[test]
+fn what_a_despawned_scene_was_painted_with_is_freed_in_the_next_frame() {
+    let mut app = app_without_rendering();
+    let style = add_painted_style(&mut app);
+    let styles = app.world().resource::<Assets<StyleStatistics>>();
+    let paint = Arc::downgrade(styles.get(&style).unwrap().paint.as_ref().unwrap());
+    let splats = GaussianSplats(add_scene(&mut app, raw(50)));
+    let entity = app.world_mut().spawn((splats, StyleSource::preset(style))).id();
+    until_applied(&mut app);
+    let scene = Arc::downgrade(app.world().get::<LoadedScene>(entity).unwrap().scene());
+    app.world_mut().despawn(entity);
+    // Bevy drops an asset in the frame after the one in which its last handle goes.
+    (0..2).for_each(|_| app.update());
+    assert!(scene.upgrade().is_none(), "something keeps the scene");
+    assert!(paint.upgrade().is_none(), "something keeps the painting");
 }
 
 #[test]
