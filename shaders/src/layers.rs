@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use stylegaussian::strokes;
 
-use crate::{Layout, Source, constants, float_constants, layout};
+use crate::{Source, constants, float_constants};
 
 /// Gaussians in a block.
 pub const MIX_BLOCK: u32 = 64;
@@ -147,26 +147,4 @@ pub fn mix_strokes() -> Source {
 /// Every joined source.
 pub fn sources() -> Vec<Source> {
     vec![mix_layers(), mix_strokes()]
-}
-
-/// Every struct that the shader shares with Rust.
-pub fn layouts() -> Vec<Layout> {
-    vec![
-        layout!(MixLayer {
-            shape_from_scene_x,
-            shape_from_scene_y,
-            shape_from_scene_z,
-            sizes,
-            look,
-            mask,
-            strength,
-            softness,
-            inverse_softness,
-            shape,
-            first_seed,
-            factors,
-        }),
-        layout!(MixStack { layers, n_gaussians, first_gaussian, first_block, n_blocks }),
-        layout!(MixBlock { index, touches, within }),
-    ]
 }

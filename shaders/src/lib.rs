@@ -4,7 +4,7 @@
 //! deep, behind constants that Rust writes. A kernel's entry point, its file and its label have the same name.
 //!
 //! The tests of this crate validate joined texts only: [`style::sources`] and [`splat::sources`] list every
-//! variant that is ever compiled, and `layouts` every struct that both sides read or write.
+//! variant that is ever compiled. They compare every struct that both sides read or write.
 
 pub mod layers;
 pub mod mesh;
@@ -20,31 +20,6 @@ pub struct Source {
     pub label: &'static str,
     /// The joined text that is compiled.
     pub wgsl: String,
-}
-
-/// The memory layout of a Rust struct that is the twin of the WGSL struct of the same name.
-#[derive(Clone, Debug)]
-pub struct Layout {
-    /// Name of the struct on both sides.
-    pub name: &'static str,
-    /// Size in bytes.
-    pub size: usize,
-    /// Name and offset in bytes of every member, in order.
-    pub members: Vec<(&'static str, usize)>,
-}
-
-/// The [`Layout`] of a struct: `layout!(Camera { position, up })`. It does not compile if a member is missing.
-#[macro_export]
-macro_rules! layout {
-    ($name:ident { $($member:ident),+ $(,)? }) => {{
-        // A pattern must name every member, so that a missing one is a compile error.
-        let $name { $($member: _),+ } = <$name as ::bytemuck::Zeroable>::zeroed();
-        $crate::Layout {
-            name: stringify!($name),
-            size: ::std::mem::size_of::<$name>(),
-            members: vec![$((stringify!($member), ::std::mem::offset_of!($name, $member))),+],
-        }
-    }};
 }
 
 /// WGSL declarations of `u32` constants.

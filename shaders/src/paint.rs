@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use stylegaussian::{paint::redraw, palette::LUMINANCE};
 
-use crate::{Layout, Source, constants, float_constants, layout};
+use crate::{Source, constants, float_constants};
 
 /// Invocations along a side of a workgroup.
 pub const PAINT_SIDE: u32 = 8;
@@ -61,102 +61,76 @@ pub struct PaintStep {
     pub padding: u32,
 }
 
-/// A kernel from the constants of the CPU twin, the pictures, and its own file.
-fn source(label: &'static str, kernel: &str) -> Source {
-    let integers = constants(&[
-        ("PAINT_SIDE", PAINT_SIDE),
-        ("PAINT_BLURRED", PAINT_BLURRED),
-        ("PAINT_SUM_WORKGROUP", PAINT_SUM_WORKGROUP),
-        ("PAINT_SUMMED", PAINT_SUMMED),
-    ]);
-    let floats = float_constants(&[
-        ("FINEST", redraw::FINEST),
-        ("LOCAL", redraw::LOCAL),
-        ("WHITEN", redraw::WHITEN),
-        ("LEAST_WHITENED", redraw::WHITENED.0),
-        ("MOST_WHITENED", redraw::WHITENED.1),
-        ("FLOOR", redraw::FLOOR),
-        ("LEAST_TYPICAL", redraw::LEAST_TYPICAL),
-        ("LUMINANCE_R", LUMINANCE.x),
-        ("LUMINANCE_G", LUMINANCE.y),
-        ("LUMINANCE_B", LUMINANCE.z),
-    ]);
-    let wgsl = [&integers, &floats, include_str!("../wgsl/paint_pictures.wgsl"), kernel].join("\n");
-    Source { label, wgsl }
+/// A kernel that works on pictures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PaintStage {
+    /// Reads an image.
+    Read,
+    /// Reads a picture at another size.
+    Resize,
+    /// Halves a picture.
+    Halve,
+    /// Blurs a picture along one axis.
+    Blur,
+    /// Squares the detail of a picture.
+    Squares,
+    /// Sums up a picture.
+    Sum,
+    /// Makes fine or wide detail.
+    Detail,
+    /// Packs a level of a texture, and makes the next.
+    Level,
 }
 
-/// Reads an image.
-pub fn paint_read() -> Source {
-    source("paint_read", include_str!("../wgsl/paint_read.wgsl"))
-}
+impl PaintStage {
+    /// All of them, in order.
+    pub const ALL: [Self; 8] = [
+        Self::Read,
+        Self::Resize,
+        Self::Halve,
+        Self::Blur,
+        Self::Squares,
+        Self::Sum,
+        Self::Detail,
+        Self::Level,
+    ];
 
-/// Reads a picture at another size.
-pub fn paint_resize() -> Source {
-    source("paint_resize", include_str!("../wgsl/paint_resize.wgsl"))
-}
-
-/// Halves a picture.
-pub fn paint_halve() -> Source {
-    source("paint_halve", include_str!("../wgsl/paint_halve.wgsl"))
-}
-
-/// Blurs a picture along one axis.
-pub fn paint_blur() -> Source {
-    source("paint_blur", include_str!("../wgsl/paint_blur.wgsl"))
-}
-
-/// Squares the detail of a picture.
-pub fn paint_squares() -> Source {
-    source("paint_squares", include_str!("../wgsl/paint_squares.wgsl"))
-}
-
-/// Sums up a picture.
-pub fn paint_sum() -> Source {
-    source("paint_sum", include_str!("../wgsl/paint_sum.wgsl"))
-}
-
-/// Makes fine or wide detail.
-pub fn paint_detail() -> Source {
-    source("paint_detail", include_str!("../wgsl/paint_detail.wgsl"))
-}
-
-/// Packs a level of a texture, and makes the next.
-pub fn paint_level() -> Source {
-    source("paint_level", include_str!("../wgsl/paint_level.wgsl"))
+    /// The kernel: constants of the CPU twin, the pictures, and its own file.
+    pub fn source(self) -> Source {
+        let (label, kernel) = match self {
+            Self::Read => ("paint_read", include_str!("../wgsl/paint_read.wgsl")),
+            Self::Resize => ("paint_resize", include_str!("../wgsl/paint_resize.wgsl")),
+            Self::Halve => ("paint_halve", include_str!("../wgsl/paint_halve.wgsl")),
+            Self::Blur => ("paint_blur", include_str!("../wgsl/paint_blur.wgsl")),
+            Self::Squares => ("paint_squares", include_str!("../wgsl/paint_squares.wgsl")),
+            Self::Sum => ("paint_sum", include_str!("../wgsl/paint_sum.wgsl")),
+            Self::Detail => ("paint_detail", include_str!("../wgsl/paint_detail.wgsl")),
+            Self::Level => ("paint_level", include_str!("../wgsl/paint_level.wgsl")),
+        };
+        let integers = constants(&[
+            ("PAINT_SIDE", PAINT_SIDE),
+            ("PAINT_BLURRED", PAINT_BLURRED),
+            ("PAINT_SUM_WORKGROUP", PAINT_SUM_WORKGROUP),
+            ("PAINT_SUMMED", PAINT_SUMMED),
+        ]);
+        let floats = float_constants(&[
+            ("FINEST", redraw::FINEST),
+            ("LOCAL", redraw::LOCAL),
+            ("WHITEN", redraw::WHITEN),
+            ("LEAST_WHITENED", redraw::WHITENED.0),
+            ("MOST_WHITENED", redraw::WHITENED.1),
+            ("FLOOR", redraw::FLOOR),
+            ("LEAST_TYPICAL", redraw::LEAST_TYPICAL),
+            ("LUMINANCE_R", LUMINANCE.x),
+            ("LUMINANCE_G", LUMINANCE.y),
+            ("LUMINANCE_B", LUMINANCE.z),
+        ]);
+        let wgsl = [&integers, &floats, include_str!("../wgsl/paint_pictures.wgsl"), kernel].join("\n");
+        Source { label, wgsl }
+    }
 }
 
 /// Every joined source.
 pub fn sources() -> Vec<Source> {
-    vec![
-        paint_read(),
-        paint_resize(),
-        paint_halve(),
-        paint_blur(),
-        paint_squares(),
-        paint_sum(),
-        paint_detail(),
-        paint_level(),
-    ]
-}
-
-/// Every struct that the shaders share with Rust.
-pub fn layouts() -> Vec<Layout> {
-    vec![
-        layout!(PaintPicture { first, width, height, shrunk }),
-        layout!(PaintStep {
-            input,
-            output,
-            original,
-            around,
-            copies,
-            sigma,
-            reach,
-            which,
-            packed,
-            stride,
-            sums,
-            is_linear,
-            padding,
-        }),
-    ]
+    PaintStage::ALL.map(PaintStage::source).into()
 }

@@ -3,9 +3,8 @@
 //! Parts import `numbers`, `text` and `chunk`, which import no part. No part imports this module.
 
 use bytemuck::{Pod, Zeroable};
-use stylegaussian::strokes::StrokeSeed;
 
-use crate::{Layout, Source, layout};
+use crate::Source;
 
 pub mod cast;
 mod chunk;
@@ -18,13 +17,9 @@ pub mod strokes;
 mod text;
 mod tiles;
 
-use self::half::SplatHalf;
-use cast::{CoreCommand, SplatCore};
 pub use chunk::SplatChunk;
 pub use composite::{CompositeKind, SplatComposite, SplatEdges, composite, edges, lift};
-use depth::SplatIso;
 pub use numbers::*;
-use strokes::{CurvePoint, StrokeChange, StrokeChunk, StrokeDraw, StrokeMotion};
 use text::{CHUNK, FOOTPRINT, ONE_EYE, QUADS, RECORDS, mask, source};
 pub use tiles::{RunProgress, SplatTiles, tiles_blend, tiles_count, tiles_scan, tiles_scatter, tiles_total};
 
@@ -138,94 +133,6 @@ pub fn sources() -> Vec<Source> {
         half::depth(),
         half::upsample(),
     ]
-}
-
-/// Every struct that the splat pass shares with Rust.
-pub fn layouts() -> Vec<Layout> {
-    let mut layouts = vec![
-        layout!(SplatChunk {
-            view_from_scene_x,
-            view_from_scene_y,
-            view_from_scene_z,
-            clip_from_view_x,
-            clip_from_view_y,
-            clip_from_view_z,
-            clip_from_view_w,
-            viewport,
-            eye,
-            axis,
-            near,
-            scale_unit,
-            n_gaussians,
-            first_gaussian,
-            first_record,
-            sh_degree,
-            flags,
-            mask_shift,
-            least_variance,
-            least_opacity,
-            least_at_edge,
-            padding_0,
-            padding_1,
-            padding_2,
-        }),
-        layout!(PackedGaussian { mean, opacity, rotation, scales }),
-        layout!(SplatCounts { n_records, n_visible }),
-        layout!(SortPass { shift, first, padding }),
-        layout!(SplatCommands {
-            n_groups,
-            one_y,
-            one_z,
-            padding,
-            n_vertices,
-            n_instances,
-            first_vertex,
-            first_instance,
-        }),
-        layout!(SplatCore { center, slant, width, depth }),
-        layout!(CoreCommand { n_vertices, n_instances, first_vertex, first_instance }),
-        layout!(SplatDraw { viewport }),
-        layout!(SplatTiles { viewport, n_tiles, capacity, padding }),
-        layout!(RunProgress { n_splats, n_tiles }),
-        layout!(SplatComposite { exposure }),
-        layout!(SplatIso { viewport, place, step, threshold, slice, padding_0, padding_1, padding_2 }),
-        layout!(SplatHalf { viewport, limit, padding }),
-        layout!(SplatEdges { limit }),
-        layout!(StrokeChunk {
-            chunk,
-            amount,
-            protection,
-            stroke_scale,
-            n_motions,
-            light,
-            relief,
-            n_lights,
-            is_stable,
-            n_changes,
-            padding,
-            motions,
-            changes,
-        }),
-        layout!(CurvePoint { at, padding_0, toward, padding_1 }),
-        layout!(StrokeChange {
-            direction,
-            first,
-            gain,
-            stroke_scale,
-            relief,
-            motion,
-            added_relief,
-            n_points,
-            padding_0,
-            padding_1,
-            points,
-        }),
-        layout!(StrokeMotion { toward, first, end, kind, phase, amount }),
-        layout!(StrokeSeed { at, pitch, rotation_xy, rotation_z_aspect, place, look }),
-        layout!(StrokeDraw { near, n_lights, is_stable, scale_octaves }),
-    ];
-    layouts.extend(light::layouts());
-    layouts
 }
 
 /// One Gaussian as the project kernel reads it.

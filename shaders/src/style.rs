@@ -3,7 +3,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::{Layout, Source, constants, layout};
+use crate::{Source, constants};
 
 /// Channels in a plane of activations: 8 f16 are a `vec4<u32>`, the widest load of a shader.
 pub const PLANE_CHANNELS: u32 = 8;
@@ -140,29 +140,4 @@ pub fn sources() -> Vec<Source> {
         .iter()
         .flat_map(|&(input, output)| COLUMNS_PER_WORKGROUP.map(|columns| knn_conv(columns, input, output)));
     hidden.chain(formats.map(color)).chain([smoothing_pass()]).collect()
-}
-
-/// Every struct that the style pass shares with Rust.
-pub fn layouts() -> Vec<Layout> {
-    vec![layout!(KnnLayer {
-        input_rows,
-        output_rows,
-        first_row,
-        n_rows,
-        k,
-        n_input_planes,
-        first_group_plane,
-        n_group_planes,
-        first_column,
-        n_columns,
-        weight_stride,
-        continues,
-        is_continued,
-        is_sigmoid,
-        slope,
-        residual,
-        input_is_scene,
-        output_is_scene,
-        padding,
-    })]
 }

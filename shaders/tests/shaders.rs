@@ -8,14 +8,14 @@ use stylegaussian::{
     splat::{MAX_ALPHA, MIN_ALPHA},
     strokes::{FINE_SIDE, PlainSeed},
 };
-use stylegaussian_shaders::{Layout, Source, layers, mesh, paint, splat, style};
+use stylegaussian_shaders::{Source, layers, mesh, paint, splat, style};
+
+use layouts::{Layout, layouts};
+
+mod layouts;
 
 fn sources() -> Vec<Source> {
     [layers::sources(), paint::sources(), style::sources(), splat::sources()].concat()
-}
-
-fn layouts() -> Vec<Layout> {
-    [layers::layouts(), paint::layouts(), style::layouts(), splat::layouts()].concat()
 }
 
 /// Capabilities of every WebGPU adapter that naga counts as optional, because OpenGL may lack them.

@@ -77,6 +77,7 @@
 //! - `onnx`: encoders as `.onnx` files. It implies `images`.
 
 mod colors;
+mod commands;
 mod loader;
 pub mod mask;
 #[cfg(feature = "meshes")]

@@ -24,9 +24,6 @@ use brush::Canvas;
 /// Value of the constant spherical harmonic, 1 / (2 sqrt(pi)).
 const SH_0: f32 = 0.282_094_79;
 
-/// The point to look at, in scene units.
-pub const CENTER: Vec3 = Vec3::ZERO;
-
 /// Paints everything, in a fixed order. Water comes late, since it mirrors the things around it.
 pub fn paint_island() -> Canvas {
     let mut canvas = Canvas::default();

@@ -54,8 +54,7 @@ pub mod splat;
 pub mod split;
 pub mod statistics;
 pub mod strokes;
-mod symmetric;
-pub mod twin;
+pub mod symmetric;
 pub mod views;
 pub mod work;
 

@@ -24,7 +24,9 @@ mod tests;
 mod volume;
 
 pub use atmosphere::{Atmosphere, FARTHEST_AIR};
-pub use display::{BRIGHTEST_SHOWN, Curve, Display, KNEE, LINEAR_LUMINANCE};
+pub use display::{
+    BRIGHTEST_SHOWN, Curve, Display, KNEE, LINEAR_LUMINANCE, linear_from_srgb, srgb_from_linear,
+};
 pub use lamp::{Cone, MAX_LAMPS, ShadowLamp};
 pub use shadow::{MAX_CASCADES, ShadowCascade, in_shadow};
 pub use volume::{MAX_TINT_VOLUMES, TintVolume, tint_at};

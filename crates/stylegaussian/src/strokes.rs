@@ -37,7 +37,6 @@ pub use curve::{MAX_CURVE_POINTS, StrokeCurve};
 pub(crate) use curve::{along_curve, step};
 pub use factors::{IN_PLANE, StrokeFactors};
 pub use knobs::StrokeKnobs;
-pub(crate) use mix::mixed_by;
 pub use mix::{EDGE, StrokeLayer, mix_strokes, mixed};
 pub use motion::{
     ACROSS, DIRECTION_SHIFT, DIRECTIONS, FADE, KIND_BOIL, KIND_FLOW, KIND_STILL, MotionNow, SLOW, STROKE,

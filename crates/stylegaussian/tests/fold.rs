@@ -6,8 +6,9 @@ use stylegaussian::{
     fold::{ChannelMap, StylizeError, stylize, transfer},
     noise::noise,
     scene::Sh,
-    twin,
 };
+
+mod twin;
 
 /// SplitMix64, which gives the same numbers everywhere.
 struct Random(u64);

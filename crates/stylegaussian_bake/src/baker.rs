@@ -13,11 +13,12 @@ use stylegaussian::{
     work::{Canceled, Work},
 };
 use stylegaussian_encoder::Image;
+use stylegaussian_files::tensors::Dimension;
 
 use crate::{
     adam::Adam,
     cameras::{Cameras, DISTANCES},
-    checkpoint::{Identity, Length, State},
+    checkpoint::{Identity, State},
     config::BakeConfig,
     error::BakeError,
     loss::{
@@ -229,14 +230,14 @@ impl Baker {
     pub fn resume(&mut self, path: &Path) -> Result<(), BakeError> {
         let n = self.adam.square.len();
         let mut lengths = vec![
-            ("colors".into(), Length::Is(3 * n)),
-            ("average".into(), Length::IsOrNone(3 * n)),
-            ("adam.mean".into(), Length::Is(3 * n)),
-            ("adam.square".into(), Length::Is(n)),
+            ("colors".into(), Dimension::Is(3 * n)),
+            ("average".into(), Dimension::IsOrNone(3 * n)),
+            ("adam.mean".into(), Dimension::Is(3 * n)),
+            ("adam.square".into(), Dimension::Is(n)),
         ];
         for (group, layers) in self.pooled.iter().flatten().enumerate() {
             let of_layer = |(i, layer): (usize, &Layer)| {
-                (format!("pooled.{group}.{i}"), Length::IsOrNone(2 * layer.channels))
+                (format!("pooled.{group}.{i}"), Dimension::IsOrNone(2 * layer.channels))
             };
             lengths.extend(self.network.layers()[..layers.len()].iter().enumerate().map(of_layer));
         }

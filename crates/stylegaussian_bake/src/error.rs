@@ -1,7 +1,5 @@
 //! Reasons for which nothing can be baked.
 
-use std::path::PathBuf;
-
 use stylegaussian::work::Canceled;
 use stylegaussian_encoder::weights::WeightsError;
 use stylegaussian_files::FileError;
@@ -47,25 +45,7 @@ pub enum BakeError {
     /// Nobody wants the bake any more.
     #[error(transparent)]
     Canceled(#[from] Canceled),
-    /// A checkpoint cannot be written.
+    /// A checkpoint cannot be written or read, or is of another bake.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A checkpoint cannot be read.
-    #[error("{}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The system's error.
-        source: std::io::Error,
-    },
-    /// A file is no checkpoint, or one of another bake.
-    #[error("{}: found {found}, expected {expected}", path.display())]
-    Checkpoint {
-        /// The file.
-        path: PathBuf,
-        /// The contents of the file.
-        found: String,
-        /// The contents that would fit.
-        expected: String,
-    },
 }

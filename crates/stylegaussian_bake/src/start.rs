@@ -92,10 +92,7 @@ impl Start {
                 *color += paint * (painted - *color);
             }
             strokes = painted.strokes;
-            for word in &mut strokes.words {
-                let of = StrokeWord::unpacked(*word);
-                *word = StrokeWord { share: paint.min(1.0) * of.share, ..of }.packed();
-            }
+            strokes.fade(paint.min(1.0));
         }
         let protected = protections(&strokes.words, &scene.broad_sides(), cameras.pixel_size);
         Ok(Self { colors, strokes, protected })

@@ -145,12 +145,9 @@ impl<'a> Stage<'a> {
         let camera = self.camera(i as u32, n);
         let cloud =
             Cloud { scene: self.scene, colors, world_from_scene: Affine3A::IDENTITY, visibility: None };
-        let Gpu { device, queue, .. } = self.gpu;
         let settings = SplatSettings::default();
         self.pass.project_and_sort(
-            device,
-            queue,
-            encoder,
+            &mut self.gpu.encoding(encoder),
             &mut self.views[i],
             &camera,
             &[cloud],
@@ -160,9 +157,8 @@ impl<'a> Stage<'a> {
     }
 
     fn draw(&mut self, encoder: &mut wgpu::CommandEncoder, i: usize) {
-        let Gpu { device, queue, .. } = self.gpu;
         let layer = Layer { color: &self.layer, depth: None };
-        self.pass.draw_layer(device, queue, encoder, &mut self.views[i], &layer, &self.draw);
+        self.pass.draw_layer(&mut self.gpu.encoding(encoder), &mut self.views[i], &layer, &self.draw);
     }
 
     /// Composites the layer over part `i` of `n` of the picture.

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use stylegaussian_gpu::device::{DeviceError, DeviceOptions, HeadlessDevice};
+use stylegaussian_gpu::device::{DeviceError, DeviceOptions, GpuEncoder, HeadlessDevice};
 
 /// A device and its clock.
 #[derive(Debug)]
@@ -42,6 +42,11 @@ impl Gpu {
         let has_clock = !headless.is_software() && device.features().contains(features);
         let timestamps = has_clock.then(|| Timestamps::new(&device, &queue));
         Ok(Some(Self { device, queue, headless, timestamps }))
+    }
+
+    /// The device and its queue with the commands of `encoder`.
+    pub fn encoding<'a>(&'a self, encoder: &'a mut wgpu::CommandEncoder) -> GpuEncoder<'a> {
+        self.headless.encoding(encoder)
     }
 
     /// Whether the adapter is software.

@@ -112,17 +112,15 @@ impl<'a> Stage<'a> {
         camera: &Camera,
         settings: &SplatSettings,
     ) -> Result<()> {
-        let Gpu { device, queue, .. } = self.gpu;
         let clouds = [self.cloud()];
-        self.pass.project_and_sort(device, queue, encoder, view, camera, &clouds, settings)?;
+        self.pass.project_and_sort(&mut self.gpu.encoding(encoder), view, camera, &clouds, settings)?;
         Ok(())
     }
 
     /// Draws a view and composites it.
     fn draw(&self, encoder: &mut wgpu::CommandEncoder, view: &mut SplatView) {
-        let Gpu { device, queue, .. } = self.gpu;
         let layer = Layer { color: &self.layer, depth: Some(&self.depth) };
-        self.pass.draw_layer(device, queue, encoder, view, &layer, &self.draw);
+        self.pass.draw_layer(&mut self.gpu.encoding(encoder), view, &layer, &self.draw);
         self.composite(encoder, (&self.over, &self.input), &self.target, None);
     }
 
@@ -175,7 +173,7 @@ fn plain<'a>(stage: &'a Stage<'a>) -> impl FnMut() -> Result<f64> + 'a {
 
 /// Frames over a target with four samples per pixel.
 fn msaa<'a>(stage: &'a Stage<'a>) -> impl FnMut() -> Result<f64> + 'a {
-    let Gpu { device, queue, .. } = stage.gpu;
+    let device = &stage.gpu.device;
     let layers = stage.pass.edge_layers(device, UVec2::splat(SIZE));
     let depth = depth_of_meshes(stage.gpu, SAMPLES);
     let target = picture(device, TARGET, SAMPLES);
@@ -189,7 +187,13 @@ fn msaa<'a>(stage: &'a Stage<'a>) -> impl FnMut() -> Result<f64> + 'a {
         stage.gpu.time(|encoder| {
             stage.sort(encoder, &mut view, &camera, &SplatSettings::default())?;
             let to = (&layers, &depth);
-            stage.pass.draw_edge_layers(device, queue, encoder, &mut view, &camera, to, &stage.draw);
+            stage.pass.draw_edge_layers(
+                &mut stage.gpu.encoding(encoder),
+                &mut view,
+                &camera,
+                to,
+                &stage.draw,
+            );
             stage.composite(encoder, (&over, &input), &target, Some(&stage.target));
             Ok(())
         })
@@ -198,7 +202,6 @@ fn msaa<'a>(stage: &'a Stage<'a>) -> impl FnMut() -> Result<f64> + 'a {
 
 /// Frames of two eyes, each as large as the plain picture.
 fn two_eyes<'a>(stage: &'a Stage<'a>) -> impl FnMut() -> Result<f64> + 'a {
-    let Gpu { device, queue, .. } = stage.gpu;
     let (mut views, mut frame) = ([SplatView::new(), SplatView::new()], 0);
     move || {
         frame += 1;
@@ -207,7 +210,13 @@ fn two_eyes<'a>(stage: &'a Stage<'a>) -> impl FnMut() -> Result<f64> + 'a {
             let [first, second] = &mut views;
             let (both, cameras, settings) = ([first, second], [&left, &right], SplatSettings::default());
             let clouds = [stage.cloud()];
-            stage.pass.project_and_sort_eyes(device, queue, encoder, both, cameras, &clouds, &settings)?;
+            stage.pass.project_and_sort_eyes(
+                &mut stage.gpu.encoding(encoder),
+                both,
+                cameras,
+                &clouds,
+                &settings,
+            )?;
             for view in &mut views {
                 stage.draw(encoder, view);
             }
@@ -218,8 +227,7 @@ fn two_eyes<'a>(stage: &'a Stage<'a>) -> impl FnMut() -> Result<f64> + 'a {
 
 /// Frames whose splats are drawn at half the width and height.
 fn half_size<'a>(stage: &'a Stage<'a>) -> impl FnMut() -> Result<f64> + 'a {
-    let Gpu { device, queue, .. } = stage.gpu;
-    let half = stage.pass.half_layer(device, UVec2::splat(SIZE));
+    let half = stage.pass.half_layer(&stage.gpu.device, UVec2::splat(SIZE));
     let settings = SplatSettings { half_size: true, ..SplatSettings::default() };
     let (mut view, mut frame) = (SplatView::new(), 0);
     move || {
@@ -228,7 +236,7 @@ fn half_size<'a>(stage: &'a Stage<'a>) -> impl FnMut() -> Result<f64> + 'a {
         stage.gpu.time(|encoder| {
             stage.sort(encoder, &mut view, &camera, &settings)?;
             let to = (&half, &stage.layer, &stage.depth);
-            stage.pass.draw_half_layer(device, queue, encoder, &mut view, &camera, to, &stage.draw);
+            stage.pass.draw_half_layer(&mut stage.gpu.encoding(encoder), &mut view, &camera, to, &stage.draw);
             stage.composite(encoder, (&stage.over, &stage.input), &stage.target, None);
             Ok(())
         })
@@ -266,11 +274,10 @@ impl Map {
 
     /// Clears the map, and draws the scene into it.
     fn draw(&mut self, stage: &Stage, encoder: &mut wgpu::CommandEncoder) -> Result<()> {
-        let Gpu { device, queue, .. } = stage.gpu;
         let threshold = stylegaussian::splat::CAST_THRESHOLD;
         let casters = [Caster { cloud: stage.cloud(), threshold, faded: 0.0 }];
         let light = (&self.camera, NEAR);
-        stage.pass.project_casters(device, queue, encoder, &mut self.casters, light, &casters)?;
+        stage.pass.project_casters(&mut stage.gpu.encoding(encoder), &mut self.casters, light, &casters)?;
         stage.pass.cast(&mut depth_pass(encoder, &self.layer), &self.casters);
         Ok(())
     }
@@ -344,7 +351,7 @@ fn all<'a>(stage: &'a Stage<'a>) -> Result<impl FnMut() -> Result<f64> + 'a> {
             stage.sort(encoder, &mut view, &camera(frame, 0.0), &SplatSettings::default())?;
             stage.draw(encoder, &mut view);
             let threshold = stylegaussian::splat::ISO_THRESHOLD;
-            stage.pass.find_depth(device, queue, encoder, &mut view, threshold, &mut iso);
+            stage.pass.find_depth(&mut stage.gpu.encoding(encoder), &mut view, threshold, &mut iso);
             stage.pass.write_depth(&mut depth_pass(encoder, &written), &iso, &write);
             Ok(())
         })

@@ -1,7 +1,7 @@
 //! Speed of all parts, relative to limits and references: `cargo xtask bench`.
 //!
 //! A row is one measurement at one size: the median, minimum and maximum of some runs after a warm-up. Ratios
-//! compare rows of the same run; see [`report::Ratios`].
+//! compare rows of the same run; see [`report::Report::compare`].
 
 mod ceilings;
 mod cpu;

@@ -1,7 +1,7 @@
 //! Rows, ratios, and the table of them.
 
 use anyhow::Result;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use crate::{gpu::Gpu, measure::Samples};
 
@@ -39,50 +39,8 @@ pub struct NotRun {
     pub reason: String,
 }
 
-/// Ratios of rows. For speeds, `x_over_y` is the time of y divided by the time of x; larger is better.
-/// `*_product*` is our rate of operations divided by that of a plain matrix product. `None` if one side could
-/// not run.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct Ratios {
-    /// The CPU's decoder on folded, 32-wide features, relative to the same one on 256-wide features.
-    pub folded_over_unfolded_cpu: Option<f64>,
-    /// Rate of the CPU's decoder, relative to a plain product.
-    pub cpu_decode_over_product: Option<f64>,
-    /// The style pass, relative to the literal method in WGSL: 256-wide, unfolded, f32.
-    pub style_pass_over_literal_wgsl: Option<f64>,
-    /// The style pass, relative to the literal method in PyTorch, f32 without TF32.
-    pub style_pass_over_pytorch: Option<f64>,
-    /// Rate of the style pass, relative to a plain f32 product in WGSL.
-    pub style_pass_over_product_rate: Option<f64>,
-    /// Our bytes for features, neighbors and scratch, relative to the literal method. Smaller is better.
-    pub style_memory_over_literal: Option<f64>,
-    /// Processor time of our frame, relative to the peer's. Smaller is better.
-    pub frame_cpu_ms_over_peer: Option<f64>,
-    /// A frame with four samples per pixel, relative to one with one. Smaller is better.
-    pub msaa_cost: Option<f64>,
-    /// Two eyes, relative to one. Smaller is better.
-    pub two_eyes_cost: Option<f64>,
-    /// A frame at half the size, relative to the whole one. Smaller is better.
-    pub half_size_cost: Option<f64>,
-    /// A frame with a shadow map of splats and a still light, relative to one without. Smaller is better.
-    pub casting_cost: Option<f64>,
-    /// The same with a light that turns. Smaller is better.
-    pub casting_anew_cost: Option<f64>,
-    /// A frame with tint, fog, shadows on splats and depth, relative to one without. Smaller is better.
-    pub light_cost: Option<f64>,
-}
-
-/// Growth of times with the number of Gaussians N: the exponent e of N^e between two sizes. 1 is linear, and
-/// smaller is better. `None` if one of the sizes could not run.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct Exponents {
-    /// The CPU's decoder from 20,000 to 300,000.
-    pub cpu_decode: Option<f64>,
-    /// The style pass from 300,000 to 3 million.
-    pub style_pass: Option<f64>,
-    /// A frame of the structured scene at 512x512, from 300,000 to 3 million.
-    pub frame: Option<f64>,
-}
+/// Numbers by name, in order, `None` if a row of one could not run.
+type Named = Vec<(&'static str, Option<f64>)>;
 
 /// Reading of a format. Smaller is better.
 #[derive(Clone, Debug, Serialize)]
@@ -111,10 +69,12 @@ pub struct Report {
     pub not_run: Vec<NotRun>,
     /// Ratios of reading, one for each format.
     pub files: Vec<FileRatios>,
-    /// Ratios of rows.
-    pub ratios: Ratios,
-    /// Growth of times.
-    pub exponents: Exponents,
+    /// Ratios of rows: see [`Report::compare`].
+    #[serde(serialize_with = "as_map")]
+    pub ratios: Named,
+    /// Growth of times, likewise.
+    #[serde(serialize_with = "as_map")]
+    pub exponents: Named,
 }
 
 /// The names of rows that are compared.
@@ -186,8 +146,8 @@ impl Report {
             rows: Vec::new(),
             not_run: Vec::new(),
             files: Vec::new(),
-            ratios: Ratios::default(),
-            exponents: Exponents::default(),
+            ratios: Vec::new(),
+            exponents: Vec::new(),
         }
     }
 
@@ -223,6 +183,10 @@ impl Report {
     }
 
     /// Computes ratios and growth.
+    ///
+    /// For speeds, `x_over_y` is the time of y divided by the time of x; larger is better. `*_product*` is our
+    /// rate of operations divided by that of a plain matrix product. Growth is the exponent e of N^e between
+    /// two numbers of Gaussians: 1 is linear, and smaller is better.
     pub fn compare(&mut self) {
         // Both at the size at which they were measured in turns.
         let of_product = |name: &str, size_of: &str, product: &str| {
@@ -230,32 +194,49 @@ impl Report {
             Some(ours.rate()? / self.row(product, None)?.rate()?)
         };
         let memory = self.row(names::MEMORY, None);
+        let memory = memory.and_then(|row| Some(row.bytes? as f64 / (LITERAL_BYTES * row.n as f64)));
         let frames = |name: &str, n: u64| self.row(name, Some(n))?.cpu_ms;
         let peer = self.row(names::PEER, None);
+        let peer = peer.and_then(|row| Some(frames(names::FRAME, row.n)? / frames(names::PEER, row.n)?));
         let ms = |name: &str| self.row(name, None).map(|row| row.median_ms);
         let cost = |name: &str| Some(ms(name)? / ms(names::PLAIN)?);
-        self.ratios = Ratios {
-            folded_over_unfolded_cpu: self.faster(names::CPU_DECODE, names::CPU_UNFOLDED),
-            cpu_decode_over_product: of_product(names::CPU_DECODE, names::CPU_UNFOLDED, names::CPU_PRODUCT),
-            style_pass_over_literal_wgsl: self.faster(names::STYLE_PASS, names::LITERAL),
-            style_pass_over_pytorch: self.faster(names::STYLE_PASS, names::PYTORCH),
-            style_pass_over_product_rate: of_product(names::STYLE_PASS, names::LITERAL, names::PRODUCT),
-            style_memory_over_literal: memory
-                .and_then(|row| Some(row.bytes? as f64 / (LITERAL_BYTES * row.n as f64))),
-            frame_cpu_ms_over_peer: peer
-                .and_then(|row| Some(frames(names::FRAME, row.n)? / frames(names::PEER, row.n)?)),
-            msaa_cost: cost(names::MSAA),
-            two_eyes_cost: cost(names::TWO_EYES),
-            half_size_cost: cost(names::HALF_SIZE),
-            casting_cost: cost(names::CASTING),
-            casting_anew_cost: cost(names::CASTING_ANEW),
-            light_cost: cost(names::ALL_LIGHT),
-        };
-        self.exponents = Exponents {
-            cpu_decode: self.exponent(names::CPU_DECODE, [20_000, 300_000]),
-            style_pass: self.exponent(names::STYLE_PASS, [300_000, 3_000_000]),
-            frame: self.exponent(names::FRAME, [300_000, 3_000_000]),
-        };
+        self.ratios = vec![
+            // The CPU's decoder on folded, 32-wide features, relative to the same one on 256-wide features.
+            ("folded_over_unfolded_cpu", self.faster(names::CPU_DECODE, names::CPU_UNFOLDED)),
+            // Rate of the CPU's decoder, relative to a plain product.
+            (
+                "cpu_decode_over_product",
+                of_product(names::CPU_DECODE, names::CPU_UNFOLDED, names::CPU_PRODUCT),
+            ),
+            // The style pass, relative to the literal method in WGSL: 256-wide, unfolded, f32.
+            ("style_pass_over_literal_wgsl", self.faster(names::STYLE_PASS, names::LITERAL)),
+            // The same in PyTorch, f32 without TF32.
+            ("style_pass_over_pytorch", self.faster(names::STYLE_PASS, names::PYTORCH)),
+            // Rate of the style pass, relative to a plain f32 product in WGSL.
+            ("style_pass_over_product_rate", of_product(names::STYLE_PASS, names::LITERAL, names::PRODUCT)),
+            // Our bytes for features, neighbors and scratch, relative to the literal method. Smaller is better.
+            ("style_memory_over_literal", memory),
+            // Processor time of our frame, relative to the peer's. Smaller is better, as in all that follow.
+            ("frame_cpu_ms_over_peer", peer),
+            // A frame with four samples per pixel, relative to one with one.
+            ("msaa_cost", cost(names::MSAA)),
+            // Two eyes, relative to one.
+            ("two_eyes_cost", cost(names::TWO_EYES)),
+            // A frame at half the size, relative to the whole one.
+            ("half_size_cost", cost(names::HALF_SIZE)),
+            // A frame with a shadow map of splats and a still light, relative to one without.
+            ("casting_cost", cost(names::CASTING)),
+            // The same with a light that turns.
+            ("casting_anew_cost", cost(names::CASTING_ANEW)),
+            // A frame with tint, fog, shadows on splats and depth, relative to one without.
+            ("light_cost", cost(names::ALL_LIGHT)),
+        ];
+        self.exponents = vec![
+            ("cpu_decode", self.exponent(names::CPU_DECODE, [20_000, 300_000])),
+            ("style_pass", self.exponent(names::STYLE_PASS, [300_000, 3_000_000])),
+            // Of the structured scene at 512x512.
+            ("frame", self.exponent(names::FRAME, [300_000, 3_000_000])),
+        ];
     }
 
     /// The report as JSON.
@@ -282,36 +263,14 @@ impl Report {
                 "| {name} | {bytes_per_gaussian:.1} | {read_over_unpack:.2} | {peak_over_held:.2} |\n"
             );
         }
-        append_named(&mut text, "ratio", &self.ratios.named());
-        append_named(&mut text, "exponent of N", &self.exponents.named());
+        append_named(&mut text, "ratio", &self.ratios);
+        append_named(&mut text, "exponent of N", &self.exponents);
         text
     }
 }
 
-impl Ratios {
-    fn named(&self) -> [(&'static str, Option<f64>); 13] {
-        [
-            ("folded_over_unfolded_cpu", self.folded_over_unfolded_cpu),
-            ("cpu_decode_over_product", self.cpu_decode_over_product),
-            ("style_pass_over_literal_wgsl", self.style_pass_over_literal_wgsl),
-            ("style_pass_over_pytorch", self.style_pass_over_pytorch),
-            ("style_pass_over_product_rate", self.style_pass_over_product_rate),
-            ("style_memory_over_literal", self.style_memory_over_literal),
-            ("frame_cpu_ms_over_peer", self.frame_cpu_ms_over_peer),
-            ("msaa_cost", self.msaa_cost),
-            ("two_eyes_cost", self.two_eyes_cost),
-            ("half_size_cost", self.half_size_cost),
-            ("casting_cost", self.casting_cost),
-            ("casting_anew_cost", self.casting_anew_cost),
-            ("light_cost", self.light_cost),
-        ]
-    }
-}
-
-impl Exponents {
-    fn named(&self) -> [(&'static str, Option<f64>); 3] {
-        [("cpu_decode", self.cpu_decode), ("style_pass", self.style_pass), ("frame", self.frame)]
-    }
+fn as_map<S: Serializer>(values: &Named, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(values.iter().copied())
 }
 
 fn append_named(text: &mut String, title: &str, values: &[(&str, Option<f64>)]) {
@@ -383,17 +342,18 @@ mod tests {
             report.rows.push(row);
         }
         report.compare();
-        let ratios = &report.ratios;
-        assert_eq!(ratios.style_pass_over_literal_wgsl, Some(2.0));
-        assert_eq!(ratios.style_pass_over_product_rate, Some(0.5));
-        assert_eq!(ratios.cpu_decode_over_product, Some(0.25));
-        assert_eq!(ratios.folded_over_unfolded_cpu, Some(1.5));
-        assert_eq!(ratios.frame_cpu_ms_over_peer, Some(0.25));
-        assert_eq!(ratios.style_memory_over_literal, Some(0.1));
-        assert_eq!(ratios.style_pass_over_pytorch, None);
-        assert_eq!((ratios.two_eyes_cost, ratios.msaa_cost), (Some(1.5), None));
-        assert!((report.exponents.style_pass.unwrap() - 2.0).abs() < 1e-9);
-        assert_eq!(report.exponents.cpu_decode, None);
+        let of = |values: &Named, name: &str| values.iter().find(|(known, _)| *known == name).unwrap().1;
+        let ratio = |name| of(&report.ratios, name);
+        assert_eq!(ratio("style_pass_over_literal_wgsl"), Some(2.0));
+        assert_eq!(ratio("style_pass_over_product_rate"), Some(0.5));
+        assert_eq!(ratio("cpu_decode_over_product"), Some(0.25));
+        assert_eq!(ratio("folded_over_unfolded_cpu"), Some(1.5));
+        assert_eq!(ratio("frame_cpu_ms_over_peer"), Some(0.25));
+        assert_eq!(ratio("style_memory_over_literal"), Some(0.1));
+        assert_eq!(ratio("style_pass_over_pytorch"), None);
+        assert_eq!((ratio("two_eyes_cost"), ratio("msaa_cost")), (Some(1.5), None));
+        assert!((of(&report.exponents, "style_pass").unwrap() - 2.0).abs() < 1e-9);
+        assert_eq!(of(&report.exponents, "cpu_decode"), None);
         assert!(report.json().unwrap().contains("\"style_pass_over_pytorch\": null"));
         assert!(report.table().contains("| `style_pass_over_pytorch` | not measured |"));
     }

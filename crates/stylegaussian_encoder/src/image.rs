@@ -10,9 +10,11 @@ use std::path::{Path, PathBuf};
 pub use ::image::DynamicImage;
 use ::image::RgbImage;
 
-use fast_image_resize::pixels::{F32, F32x3};
+use fast_image_resize::{
+    FilterType,
+    pixels::{F32, F32x3},
+};
 pub use file::{extensions, format_names};
-pub(crate) use resize::Filter;
 use stylegaussian::{
     paint::{AreaError, pixels_of},
     work::{Canceled, Work},
@@ -265,14 +267,14 @@ impl Image {
     /// # Errors
     /// If `work` is canceled.
     pub fn resized_if_wanted(&self, width: u32, height: u32, work: &Work) -> Result<Self, Canceled> {
-        self.resized_with(width, height, Filter::Lanczos3, work)
+        self.resized_with(width, height, FilterType::Lanczos3, work)
     }
 
     pub(crate) fn resized_with(
         &self,
         width: u32,
         height: u32,
-        filter: Filter,
+        filter: FilterType,
         work: &Work,
     ) -> Result<Self, Canceled> {
         work.check()?;

@@ -19,7 +19,6 @@ pub struct Graph {
     name: String,
     engine: Engine,
     input: [Option<usize>; 3],
-    output_channels: Option<usize>,
 }
 
 /// A loaded graph, by the engine that runs it.
@@ -113,13 +112,8 @@ impl Graph {
                 expected: format!("at most {MAX_VALUES} values"),
             });
         }
-        let [output_channels, ..] = image_like(&name, "output", &signature.outputs)?;
-        Ok(Self { name, engine, input, output_channels })
-    }
-
-    /// Name in messages: the graph's file.
-    pub fn name(&self) -> &str {
-        &self.name
+        image_like(&name, "output", &signature.outputs)?;
+        Ok(Self { name, engine, input })
     }
 
     /// The engine.
@@ -130,11 +124,6 @@ impl Graph {
     /// Channels, height and width of the input; `None` for each that the graph leaves open.
     pub fn input(&self) -> [Option<usize>; 3] {
         self.input
-    }
-
-    /// Channels of the output, or `None` if the graph does not state them.
-    pub fn output_channels(&self) -> Option<usize> {
-        self.output_channels
     }
 
     /// Runs the graph on planes of one image.

@@ -1,15 +1,13 @@
 //! Statistics of a style image, which AdaIN matches.
 
+use fast_image_resize::FilterType;
 use stylegaussian::{
     ChannelStatistics,
     paint::Paint,
     work::{Canceled, Work},
 };
 
-use crate::{
-    Encoder, EncoderError, FeatureMap, Image,
-    image::{Filter, MIN_SIDE},
-};
+use crate::{Encoder, EncoderError, FeatureMap, Image, image::MIN_SIDE};
 
 /// Share of encoding an image that shrinking it takes: for large ones, and less for others.
 const SHRINKING: f32 = 0.2;
@@ -65,7 +63,7 @@ impl StyleSize {
         let (width, height) = self.of(image.width, image.height);
         match self {
             Self::Area(_) => image.resized_if_wanted(width, height, work),
-            Self::Squash256 => image.resized_with(width, height, Filter::Triangle, work),
+            Self::Squash256 => image.resized_with(width, height, FilterType::Bilinear, work),
         }
     }
 }

@@ -105,7 +105,7 @@ fn images_smaller_than_a_kernel_are_refused() {
 #[test]
 fn one_graph_takes_any_size() {
     let graph = Graph::load("gray", fs::read(graph("gray.onnx")).unwrap()).unwrap();
-    assert_eq!((graph.input(), graph.output_channels()), ([Some(1), None, None], Some(1)));
+    assert_eq!(graph.input(), [Some(1), None, None]);
     // The first size comes again: a run must leave nothing of the last one behind.
     for (height, width) in [(2, 2), (5, 3), (2, 2), (64, 31)] {
         let values: Vec<f32> = (0..height * width).map(|i| i as f32 - 3.0).collect();

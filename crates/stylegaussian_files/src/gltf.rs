@@ -22,10 +22,8 @@ use super::{
 mod accessor;
 mod application;
 mod base64;
-mod color;
 mod document;
 mod instances;
-mod merge;
 mod nodes;
 mod parts;
 mod primitive;

@@ -65,7 +65,7 @@ mod sog;
 mod splat;
 mod spz;
 mod style;
-mod tensors;
+pub mod tensors;
 pub mod tile;
 mod upright;
 pub mod world;

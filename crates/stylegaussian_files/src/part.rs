@@ -1,10 +1,6 @@
 //! Parts of a world for jobs of their own: a chunk with what is around it, and the whole in few Gaussians.
 
-use std::{
-    collections::BTreeMap,
-    ops::Range,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use stylegaussian::Scene;
@@ -12,7 +8,7 @@ use stylegaussian::Scene;
 use crate::{
     error::{FileError, mismatch},
     read_scene,
-    world::{FILE, Node, Run, UP, World},
+    world::{FILE, Node, Run, UP, World, by_file},
 };
 
 /// The share of a chunk's longest side that is read around it by default. A picture of half of the chunk that
@@ -142,16 +138,6 @@ fn level_of(world: &World, file: usize) -> Result<usize, &'static str> {
 fn nearest(node: &Node, level: usize) -> Option<&Run> {
     let (finer, from_level) = node.levels.split_at(level.min(node.levels.len()));
     from_level.iter().flatten().next().or_else(|| finer.iter().rev().flatten().next())
-}
-
-/// Ranges of runs by their files, ascending.
-fn by_file<'a>(runs: impl Iterator<Item = &'a Run>) -> BTreeMap<usize, Vec<Range<usize>>> {
-    let mut ranges: BTreeMap<usize, Vec<Range<usize>>> = BTreeMap::new();
-    for run in runs {
-        ranges.entry(run.file).or_default().push(run.range.clone());
-    }
-    ranges.values_mut().for_each(|ranges| ranges.sort_unstable_by_key(|range| range.start));
-    ranges
 }
 
 #[cfg(test)]

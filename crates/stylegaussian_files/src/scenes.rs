@@ -70,17 +70,11 @@ impl SceneReader {
 
     fn reading(&mut self) -> Result<Reading, FileError> {
         let at = Path::new(&self.name);
-        let format =
-            format_of(&self.files.main, &self.files.extension).map_err(|mismatch| mismatch.at(at))?;
-        let mut loaded = match (format.read)(&mut self.files, &self.options) {
+        let mut loaded = match read_as_told(&mut self.files, &self.options) {
             Ok(loaded) => loaded,
             Err(Unread::Needs(names)) => return Ok(Reading::Needs(names)),
             Err(Unread::Mismatch(mismatch)) => return Err(mismatch.at(at)),
         };
-        loaded.format = format.name;
-        if let Some(axes) = self.options.axes {
-            loaded.retell(axes);
-        }
         if loaded.scene.is_empty() {
             return Err(match loaded.scene.n_source {
                 0 => mismatch("no Gaussian", "at least one"),
@@ -241,4 +235,15 @@ fn writer_for(path: &Path, scene: &Scene) -> Result<WriteScene, FileError> {
 /// The extension in lower case, or an empty text if there is none.
 pub(super) fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+/// The scene of the files by their format and the options.
+pub(super) fn read_as_told(files: &mut Files, options: &ReadOptions) -> Result<Loaded, Unread> {
+    let format = format_of(&files.main, &files.extension)?;
+    let mut loaded = (format.read)(files, options)?;
+    loaded.format = format.name;
+    if let Some(axes) = options.axes {
+        loaded.retell(axes);
+    }
+    Ok(loaded)
 }

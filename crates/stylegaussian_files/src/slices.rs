@@ -13,7 +13,7 @@ use super::{
     formats::format_of,
     ply,
     rows::Header,
-    scenes::{extension, read_scene_with},
+    scenes::{extension, read_as_told, read_scene_with},
     splat,
 };
 
@@ -125,21 +125,13 @@ fn rows(path: &Path, most: u64) -> Result<Option<Rows>, FileError> {
 
 /// Reads a slice as a file of its own.
 fn parsed(bytes: Vec<u8>, extension: &str, options: ReadOptions) -> Result<Loaded, Mismatch> {
-    let format = format_of(&bytes, extension)?;
-    let mut files = Files::new(bytes, extension.into());
-    let mut loaded = match (format.read)(&mut files, &options) {
-        Ok(loaded) => loaded,
-        Err(Unread::Mismatch(refused)) => return Err(refused),
-        Err(Unread::Needs(names)) => {
+    read_as_told(&mut Files::new(bytes, extension.into()), &options).map_err(|error| match error {
+        Unread::Mismatch(refused) => refused,
+        Unread::Needs(names) => {
             let found = format_args!("a scene that names {}", names.join(", ")).to_string();
-            return Err(mismatch(found, "one in a single file"));
+            mismatch(found, "one in a single file")
         }
-    };
-    loaded.format = format.name;
-    if let Some(axes) = options.axes {
-        loaded.retell(axes);
-    }
-    Ok(loaded)
+    })
 }
 
 #[cfg(test)]

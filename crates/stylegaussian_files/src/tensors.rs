@@ -1,4 +1,6 @@
 //! Safetensors: typed and checked reading, and streamed writing that gives the same bytes every time.
+//!
+//! Metadata `format` and `version` say what a file is.
 
 use std::{
     borrow::Cow,
@@ -22,14 +24,18 @@ use super::{
 const VERSION: &str = "1";
 
 /// A safetensors file in memory.
-pub(super) struct Reader<'a> {
+#[derive(Debug)]
+pub struct Reader<'a> {
     tensors: SafeTensors<'a>,
     metadata: BTreeMap<String, String>,
 }
 
 impl<'a> Reader<'a> {
     /// Parses the header, and checks counts, offsets and sizes against the size of the file.
-    pub(super) fn new(bytes: &'a [u8]) -> Result<Self, Mismatch> {
+    ///
+    /// # Errors
+    /// If it is no safetensors file, or not a whole one.
+    pub fn new(bytes: &'a [u8]) -> Result<Self, Mismatch> {
         let broken = |error| mismatch(format_args!("a broken header ({error})"), "a whole safetensors file");
         // The header is parsed twice, because `SafeTensors` keeps its metadata to itself.
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(broken)?;
@@ -44,7 +50,10 @@ impl<'a> Reader<'a> {
     }
 
     /// Checks that metadata `key` is `value`.
-    pub(super) fn expect_value(&self, key: &str, value: &str) -> Result<(), Mismatch> {
+    ///
+    /// # Errors
+    /// If it is not.
+    pub fn expect_value(&self, key: &str, value: &str) -> Result<(), Mismatch> {
         let expected = format!("`{key}` = `{value}`");
         match self.metadata(key) {
             Some(found) if found == value => Ok(()),
@@ -54,7 +63,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Metadata `key`, or `None` if there is none.
-    pub(super) fn metadata(&self, key: &str) -> Option<&str> {
+    pub fn metadata(&self, key: &str) -> Option<&str> {
         self.metadata.get(key).map(String::as_str)
     }
 
@@ -65,8 +74,11 @@ impl<'a> Reader<'a> {
         text.parse().map(Some).map_err(|_| found())
     }
 
-    /// Metadata `key` parsed as a `T`; an error if there is none.
-    pub(super) fn required<T: FromStr>(&self, key: &str, expected: &str) -> Result<T, Mismatch> {
+    /// Metadata `key` parsed as a `T`.
+    ///
+    /// # Errors
+    /// If there is none, or no `T`.
+    pub fn required<T: FromStr>(&self, key: &str, expected: &str) -> Result<T, Mismatch> {
         self.parsed(key, expected)?.ok_or_else(|| mismatch(format_args!("no metadata `{key}`"), expected))
     }
 
@@ -89,7 +101,10 @@ impl<'a> Reader<'a> {
 
     /// A tensor of finite numbers, f16 or f32. `shape` has the size of each dimension, or its name if any size
     /// will do.
-    pub(super) fn floats(&self, name: &str, shape: &[Dimension]) -> Result<Vec<f32>, Mismatch> {
+    ///
+    /// # Errors
+    /// If there is no such tensor, or a number is not finite.
+    pub fn floats(&self, name: &str, shape: &[Dimension]) -> Result<Vec<f32>, Mismatch> {
         let tensor = self.tensor(name, shape)?;
         // Not cast in place: the bytes of a file may lie unaligned, and the machine may be big-endian.
         let values = match tensor.dtype() {
@@ -139,10 +154,12 @@ impl<'a> Reader<'a> {
 }
 
 /// One dimension of an expected shape.
-#[derive(Clone, Copy)]
-pub(super) enum Dimension {
+#[derive(Clone, Copy, Debug)]
+pub enum Dimension {
     /// Exactly this size.
     Is(usize),
+    /// This size, or 0.
+    IsOrNone(usize),
     /// Any size. The text is the dimension's letter in the documentation, such as D.
     Any(&'static str),
 }
@@ -151,6 +168,7 @@ impl Dimension {
     fn admits(&self, found: usize) -> bool {
         match self {
             Self::Is(size) => *size == found,
+            Self::IsOrNone(size) => *size == found || found == 0,
             Self::Any(_) => true,
         }
     }
@@ -160,6 +178,7 @@ impl std::fmt::Display for Dimension {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Is(size) => write!(f, "{size}"),
+            Self::IsOrNone(size) => write!(f, "{size} or 0"),
             Self::Any(letter) => f.write_str(letter),
         }
     }
@@ -242,14 +261,14 @@ struct Tensor<'a> {
 
 /// A safetensors file to be written.
 #[derive(Default)]
-pub(super) struct Writer<'a> {
+pub struct Writer<'a> {
     metadata: BTreeMap<String, String>,
     tensors: Vec<Tensor<'a>>,
 }
 
 impl<'a> Writer<'a> {
     /// A file of this format and the current version.
-    pub(super) fn new(format: &str) -> Self {
+    pub fn new(format: &str) -> Self {
         let mut writer = Self::default();
         writer.set("format", format);
         writer.set("version", VERSION);
@@ -257,12 +276,12 @@ impl<'a> Writer<'a> {
     }
 
     /// Sets a metadata value.
-    pub(super) fn set(&mut self, key: &str, value: impl ToString) {
+    pub fn set(&mut self, key: &str, value: impl ToString) {
         self.metadata.insert(key.into(), value.to_string());
     }
 
     /// Adds an f32 tensor.
-    pub(super) fn f32(&mut self, name: impl Into<String>, shape: &[usize], values: &'a [f32]) {
+    pub fn f32(&mut self, name: impl Into<String>, shape: &[usize], values: &'a [f32]) {
         self.add(name.into(), shape, Values::F32(values));
     }
 
@@ -292,7 +311,10 @@ impl<'a> Writer<'a> {
     }
 
     /// Writes header and tensors.
-    pub(super) fn write(mut self, out: &mut dyn Write) -> io::Result<()> {
+    ///
+    /// # Errors
+    /// If `out` takes no more.
+    pub fn write(mut self, out: &mut dyn Write) -> io::Result<()> {
         // Wide types first, so that every tensor starts aligned to its type.
         self.tensors.sort_by(|a, b| {
             let width = |tensor: &Tensor| tensor.values.dtype().bitsize();

@@ -32,7 +32,7 @@ use std::{
 };
 
 use glam::Vec3;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use stylegaussian::Scene;
 
 use crate::{
@@ -114,36 +114,42 @@ impl Run {
     }
 }
 
-#[derive(Deserialize)]
+/// The file's JSON.
+#[derive(Deserialize, Serialize)]
 struct Levels {
     version: Option<serde_json::Number>,
+    #[serde(skip_deserializing)]
+    asset: BTreeMap<&'static str, &'static str>,
     count: Option<u64>,
     counts: Option<Vec<u64>>,
     #[serde(rename = "lodLevels")]
-    n_levels: u32,
+    n_levels: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
     environment: Option<String>,
     filenames: Vec<String>,
     tree: Tree,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, Serialize)]
 struct Tree {
     bound: Option<Bound>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     children: Option<Vec<Tree>>,
-    lods: Option<BTreeMap<u32, Lod>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lods: Option<BTreeMap<usize, Lod>>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, Serialize)]
 struct Bound {
-    min: Option<[f64; 3]>,
-    max: Option<[f64; 3]>,
+    min: Option<[f32; 3]>,
+    max: Option<[f32; 3]>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, Serialize)]
 struct Lod {
-    file: u32,
-    offset: u32,
-    count: u32,
+    file: usize,
+    offset: usize,
+    count: usize,
 }
 
 impl World {
@@ -212,8 +218,7 @@ impl World {
     /// The smallest and the largest corner of the box around all nodes, in the coordinates of the chunks, or
     /// `None` if there are none.
     pub fn bounds(&self) -> Option<[Vec3; 2]> {
-        let bounds = self.nodes.iter().map(|node| node.bounds);
-        bounds.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)])
+        around(&self.nodes)
     }
 
     /// Checks that a chunk has all Gaussians that the nodes want of it. `file` is its index in
@@ -268,6 +273,21 @@ impl World {
     }
 }
 
+/// Ranges of runs by their files, ascending.
+pub(crate) fn by_file<'a>(runs: impl Iterator<Item = &'a Run>) -> BTreeMap<usize, Vec<Range<usize>>> {
+    let mut ranges: BTreeMap<usize, Vec<Range<usize>>> = BTreeMap::new();
+    for run in runs {
+        ranges.entry(run.file).or_default().push(run.range.clone());
+    }
+    ranges.values_mut().for_each(|ranges| ranges.sort_unstable_by_key(|range| range.start));
+    ranges
+}
+
+/// The box around some nodes.
+fn around(nodes: &[Node]) -> Option<[Vec3; 2]> {
+    nodes.iter().map(|node| node.bounds).reduce(|[a, b], [c, d]| [a.min(c), b.max(d)])
+}
+
 /// The file, for messages.
 const EXPECTED: &str = "levels of detail of a streamed SOG";
 
@@ -277,7 +297,7 @@ impl Levels {
             return Err(mismatch(format_args!("streamed SOG version {version}"), "version 1 or none"));
         }
         self.filenames.iter().chain(&self.environment).try_for_each(|path| check_downward(path))?;
-        let n_levels = self.n_levels as usize;
+        let n_levels = self.n_levels;
         // A node has a place for every level.
         if n_levels > MAX_LEVELS {
             return Err(mismatch(format_args!("{n_levels} levels"), format_args!("at most {MAX_LEVELS}")));
@@ -296,14 +316,13 @@ impl Tree {
         if let Some(lods) = self.lods.as_ref().filter(|lods| !lods.is_empty()) {
             let mut levels = vec![None; n_levels];
             for (&level, lod) in lods {
-                let Some(place) = levels.get_mut(level as usize) else {
+                let Some(place) = levels.get_mut(level) else {
                     let expected = format_args!("levels below {n_levels}").to_string();
                     return Err(mismatch(format_args!("level {level}"), expected));
                 };
                 *place = Some(lod.run(n_files)?);
             }
-            let corner =
-                |corner: Option<[f64; 3]>| corner.map_or(Vec3::NAN, |c| Vec3::from(c.map(|c| c as f32)));
+            let corner = |corner: Option<[f32; 3]>| corner.map_or(Vec3::NAN, Vec3::from);
             let bound = self.bound.as_ref();
             let bounds = [bound.and_then(|bound| bound.min), bound.and_then(|bound| bound.max)].map(corner);
             nodes.push(Node { bounds, levels });
@@ -315,14 +334,14 @@ impl Tree {
 impl Lod {
     fn run(&self, n_files: usize) -> Result<Run, Mismatch> {
         let Self { file, offset, count } = *self;
-        if file as usize >= n_files {
+        if file >= n_files {
             let expected = format_args!("files below {n_files}").to_string();
             return Err(mismatch(format_args!("file {file} in the tree"), expected));
         }
-        let Some(end) = offset.checked_add(count) else {
+        let Some(end) = offset.checked_add(count).filter(|&end| u32::try_from(end).is_ok()) else {
             let found = format_args!("{count} Gaussians from {offset} on").to_string();
             return Err(mismatch(found, "an end below 2^32"));
         };
-        Ok(Run { file: file as usize, range: offset as usize..end as usize })
+        Ok(Run { file, range: offset..end })
     }
 }

@@ -56,6 +56,29 @@ pub(crate) fn create(
     device.create_buffer(&wgpu::BufferDescriptor { label, size, usage, mapped_at_creation: false })
 }
 
+/// Uniforms that are uploaded if they change.
+#[derive(Debug)]
+pub(crate) struct Uniforms<T> {
+    pub buffer: wgpu::Buffer,
+    /// The numbers that the buffer holds.
+    written: Option<T>,
+}
+
+impl<T: bytemuck::Pod + PartialEq> Uniforms<T> {
+    /// Uniforms that hold nothing yet.
+    pub fn new(device: &wgpu::Device, label: &str) -> Self {
+        Self { buffer: uniforms(device, label, size_of::<T>() as u64), written: None }
+    }
+
+    /// Uploads `now`, if it is not there.
+    pub fn write(&mut self, queue: &wgpu::Queue, now: T) {
+        if self.written != Some(now) {
+            queue.write_buffer(&self.buffer, 0, bytemuck::bytes_of(&now));
+            self.written = Some(now);
+        }
+    }
+}
+
 /// A storage buffer that the CPU can write to.
 pub(crate) fn storage(device: &wgpu::Device, label: &str, size: u64) -> wgpu::Buffer {
     create(device, label, size, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST)

@@ -1,4 +1,15 @@
-//! A device without a window, for tools and tests. An engine brings its own.
+//! Access to the GPU, and a device without a window for tools and tests. An engine brings its own.
+
+/// Access to the GPU while commands are recorded.
+#[derive(Debug)]
+pub struct GpuEncoder<'a> {
+    /// The device.
+    pub device: &'a wgpu::Device,
+    /// The device's queue, which writes uniforms before the commands run.
+    pub queue: &'a wgpu::Queue,
+    /// The commands.
+    pub encoder: &'a mut wgpu::CommandEncoder,
+}
 
 /// A device, its queue, and the adapter they belong to.
 #[derive(Clone, Debug)]
@@ -52,6 +63,11 @@ pub enum DeviceError {
 }
 
 impl HeadlessDevice {
+    /// The device and its queue with the commands of `encoder`.
+    pub fn encoding<'a>(&'a self, encoder: &'a mut wgpu::CommandEncoder) -> GpuEncoder<'a> {
+        GpuEncoder { device: &self.device, queue: &self.queue, encoder }
+    }
+
     /// Requests a device of the machine's fastest adapter.
     ///
     /// # Errors

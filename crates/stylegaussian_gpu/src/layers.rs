@@ -19,6 +19,7 @@ use crate::{
     },
     buffers,
     colors::GaussianColors,
+    device::GpuEncoder,
     splat::GpuScene,
 };
 
@@ -104,12 +105,9 @@ impl LayerMixer {
     ///
     /// # Panics
     /// If `colors`, a look or a mask is not of the scene's Gaussians, or if a look is `colors` itself.
-    #[expect(clippy::too_many_arguments, reason = "three of them are the GPU")]
     pub fn encode(
         &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         scene: &GpuScene,
         layers: &[GpuLayer],
         colors: &GaussianColors,
@@ -122,7 +120,6 @@ impl LayerMixer {
         };
         let of_colors = layers.iter().filter(|layer| layer.factors.is_none());
         let layers: Vec<_> = of_colors.map(|layer| (layer, values(layer))).collect();
-        let gpu = Encoding { device, queue, encoder };
         if self.encode_values(gpu, &self.of_colors, scene, layers, colors.buffer(), mixed) {
             colors.mark_changed();
         }
@@ -131,7 +128,7 @@ impl LayerMixer {
     /// Encodes the mix of `layers` and their values into `target`. Returns whether there was anything to do.
     fn encode_values(
         &self,
-        Encoding { device, queue, encoder }: Encoding,
+        gpu: &mut GpuEncoder,
         pipelines: &Pipelines,
         scene: &GpuScene,
         layers: Vec<(&GpuLayer, Option<Values>)>,
@@ -154,8 +151,8 @@ impl LayerMixer {
             .collect();
         let mut pool = self.pool.lock().unwrap_or_else(PoisonError::into_inner);
         let uniforms = at_strides(stacks.iter().map(|stack| stack.uniforms));
-        let [uniforms, blocks] = pool.next(device, queue, [&uniforms, bytemuck::cast_slice(&blocks)]);
-        let mut pass = compute_pass(encoder, "mix_layers");
+        let [uniforms, blocks] = pool.next(gpu, [&uniforms, bytemuck::cast_slice(&blocks)]);
+        let mut pass = compute_pass(gpu.encoder, "mix_layers");
         for (i, (dispatch, stack)) in dispatches.iter().zip(&stacks).enumerate() {
             let gaussians = &scene.chunks()[dispatch.chunk].gaussians;
             let masks = stack.mask.map_or(&self.absent, |mask| &mask.buffer);
@@ -165,7 +162,7 @@ impl LayerMixer {
             let resources: Vec<_> = uniforms.chain(buffers.map(wgpu::Buffer::as_entire_binding)).collect();
             let has_noise = stack.uniforms.layers.iter().any(|layer| layer.shape == shaders::SHAPE_NOISE);
             pass.set_pipeline(&pipelines[usize::from(has_noise)]);
-            let group = bind_group(device, "mix_layers", &self.layout, &resources);
+            let group = bind_group(gpu.device, "mix_layers", &self.layout, &resources);
             pass.set_bind_group(0, &group, &[(i * stride::<MixStack>()) as u32]);
             // Workgroups beyond the limit go into a second dimension.
             let n = (dispatch.blocks.len() as u32).div_ceil(shaders::MIX_WORKGROUP / shaders::MIX_BLOCK);
@@ -174,13 +171,6 @@ impl LayerMixer {
         }
         true
     }
-}
-
-/// Where commands go.
-struct Encoding<'a> {
-    device: &'a wgpu::Device,
-    queue: &'a wgpu::Queue,
-    encoder: &'a mut wgpu::CommandEncoder,
 }
 
 /// The pipelines of a kernel.
@@ -236,17 +226,12 @@ impl<'a> Stack<'a> {
 
 impl Pool {
     /// Buffers that hold the uniforms and the blocks of one mix.
-    fn next(
-        &mut self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        contents: [&[u8]; 2],
-    ) -> [wgpu::Buffer; 2] {
+    fn next(&mut self, gpu: &GpuEncoder, contents: [&[u8]; 2]) -> [wgpu::Buffer; 2] {
         let new = |i: usize| {
             let bytes = (contents[i].len() as u64).next_power_of_two();
             match i {
-                0 => buffers::uniforms(device, "mix_layers", bytes),
-                _ => buffers::storage(device, "mix_blocks", bytes),
+                0 => buffers::uniforms(gpu.device, "mix_layers", bytes),
+                _ => buffers::storage(gpu.device, "mix_blocks", bytes),
             }
         };
         if self.buffers.len() == self.n_used {
@@ -258,7 +243,7 @@ impl Pool {
             if buffers[i].size() < contents[i].len() as u64 {
                 buffers[i] = new(i);
             }
-            queue.write_buffer(&buffers[i], 0, contents[i]);
+            gpu.queue.write_buffer(&buffers[i], 0, contents[i]);
         }
         buffers.clone()
     }

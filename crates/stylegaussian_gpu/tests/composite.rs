@@ -200,7 +200,7 @@ fn whites_are_no_lamps() {
     let Some(gpu) = gpu() else { return };
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let table = identity_table(&gpu, 32);
-    let tony = InverseTable::new(&gpu.device, &mut encoder, ToneCurve::TonyMcMapface(&table));
+    let tony = InverseTable::new(&gpu.device, &mut encoder, &ToneCurve::TonyMcMapface(table));
     gpu.queue.submit([encoder.finish()]);
     let grays: Vec<[f32; 4]> =
         (0..64).map(|i| [i as f32 / 63.0; 3]).map(|[r, g, b]| [r, g, b, 1.0]).collect();
@@ -231,7 +231,7 @@ fn check_table(
     forward: impl Fn(Vec3) -> Vec3,
 ) {
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let table = InverseTable::new(&gpu.device, &mut encoder, curve);
+    let table = InverseTable::new(&gpu.device, &mut encoder, &curve);
     gpu.queue.submit([encoder.finish()]);
     let mode = CompositeMode::InvertTonemapping(tonemapping);
     let [mean, worst] = errors(gpu, mode, Some(&table), 0.0, &shown_colors(&forward), &forward);
@@ -287,9 +287,15 @@ fn curves_that_are_tables_are_undone() {
     let Some(gpu) = gpu() else { return };
     let table = identity_table(&gpu, 32);
     // More than half of the colors have a channel above the knee, which is dimmed by up to 13 of 255 steps.
-    check_table(&gpu, ToneCurve::TonyMcMapface(&table), Tonemapping::TonyMcMapface, 0.025, forward::reinhard);
+    check_table(
+        &gpu,
+        ToneCurve::TonyMcMapface(table.clone()),
+        Tonemapping::TonyMcMapface,
+        0.025,
+        forward::reinhard,
+    );
     let filmic = |c| stops_between(c, -11.0, 12.0);
-    check_table(&gpu, ToneCurve::BlenderFilmic(&table), Tonemapping::BlenderFilmic, 0.12, filmic);
+    check_table(&gpu, ToneCurve::BlenderFilmic(table.clone()), Tonemapping::BlenderFilmic, 0.12, filmic);
     let agx = |c: Vec3| {
         let inset = Mat3::from_cols_array(&[
             0.842_479_06,
@@ -304,5 +310,5 @@ fn curves_that_are_tables_are_undone() {
         ]);
         stops_between(inset.transpose() * c, -10.0, 6.5)
     };
-    check_table(&gpu, ToneCurve::AgX(&table), Tonemapping::AgX, 0.3, agx);
+    check_table(&gpu, ToneCurve::AgX(table), Tonemapping::AgX, 0.3, agx);
 }

@@ -51,7 +51,7 @@ fn sorted(gpu: &HeadlessDevice, splats: &SplatPass) -> SplatView {
     let clouds = [Cloud { scene: &scene, colors, world_from_scene, visibility: None }];
     let (mut view, settings) = (SplatView::new(), SplatSettings::default());
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    splats.project_and_sort(device, queue, &mut encoder, &mut view, &eye(), &clouds, &settings).unwrap();
+    splats.project_and_sort(&mut gpu.encoding(&mut encoder), &mut view, &eye(), &clouds, &settings).unwrap();
     queue.submit([encoder.finish()]);
     view
 }
@@ -131,7 +131,7 @@ fn in_single_samples(gpu: &HeadlessDevice, depth: &wgpu::Texture) -> Vec<[f32; 4
     let (of_color, of_depth) = (view_of(&color), view_of(depth));
     let layer = Layer { color: &of_color, depth: Some(&of_depth) };
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    splats.draw_layer(device, queue, &mut encoder, &mut view, &layer, &pipeline);
+    splats.draw_layer(&mut gpu.encoding(&mut encoder), &mut view, &layer, &pipeline);
     queue.submit([encoder.finish()]);
     read(gpu, &color)
 }

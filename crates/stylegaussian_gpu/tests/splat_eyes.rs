@@ -56,7 +56,7 @@ fn picture(gpu: &HeadlessDevice, pass: &SplatPass, view: &mut SplatView) -> Vec<
     let layer = Layer { color: &of_color, depth: None };
     let pipeline = pass.pipeline(device, 1, None);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    pass.draw_layer(device, queue, &mut encoder, view, &layer, &pipeline);
+    pass.draw_layer(&mut gpu.encoding(&mut encoder), view, &layer, &pipeline);
     queue.submit([encoder.finish()]);
     read(gpu, &color)
 }
@@ -77,9 +77,7 @@ fn eyes_see_what_their_cameras_see() {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let of_views = views.each_mut();
         pass.project_and_sort_eyes(
-            device,
-            queue,
-            &mut encoder,
+            &mut gpu.encoding(&mut encoder),
             of_views,
             cameras.each_ref(),
             &clouds,
@@ -91,7 +89,7 @@ fn eyes_see_what_their_cameras_see() {
         let expected = cameras.each_ref().map(|camera| {
             let mut view = SplatView::new();
             let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            pass.project_and_sort(device, queue, &mut encoder, &mut view, camera, &clouds, &settings)
+            pass.project_and_sort(&mut gpu.encoding(&mut encoder), &mut view, camera, &clouds, &settings)
                 .unwrap();
             queue.submit([encoder.finish()]);
             picture(&gpu, &pass, &mut view)

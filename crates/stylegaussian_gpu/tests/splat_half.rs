@@ -59,15 +59,15 @@ fn layer(
     let mut view = SplatView::new();
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let to_gpu = &mut encoder;
-    splats.project_and_sort(device, queue, to_gpu, &mut view, camera, &clouds, &settings).unwrap();
+    splats.project_and_sort(&mut gpu.encoding(to_gpu), &mut view, camera, &clouds, &settings).unwrap();
     let half = splats.half_layer(device, size);
     if samples == 1 {
         if half_size {
             let layers = (&half, &to, &of_depth);
-            splats.draw_half_layer(device, queue, to_gpu, &mut view, camera, layers, &pipeline);
+            splats.draw_half_layer(&mut gpu.encoding(to_gpu), &mut view, camera, layers, &pipeline);
         } else {
             let layer = Layer { color: &to, depth: Some(&of_depth) };
-            splats.draw_layer(device, queue, to_gpu, &mut view, &layer, &pipeline);
+            splats.draw_layer(&mut gpu.encoding(to_gpu), &mut view, &layer, &pipeline);
         }
         queue.submit([encoder.finish()]);
         return read(gpu, &color);
@@ -75,10 +75,10 @@ fn layer(
     let layers = splats.edge_layers(device, size);
     if half_size {
         let layers = (&half, &layers, &of_depth);
-        splats.draw_half_edge_layers(device, queue, to_gpu, &mut view, camera, layers, &pipeline);
+        splats.draw_half_edge_layers(&mut gpu.encoding(to_gpu), &mut view, camera, layers, &pipeline);
     } else {
         let layers = (&layers, &of_depth);
-        splats.draw_edge_layers(device, queue, to_gpu, &mut view, camera, layers, &pipeline);
+        splats.draw_edge_layers(&mut gpu.encoding(to_gpu), &mut view, camera, layers, &pipeline);
     }
     queue.submit([encoder.finish()]);
     let target = texture(device, size.to_array(), LAYER_FORMAT, samples);

@@ -144,7 +144,7 @@ impl Target {
             [&self.color, &self.depth].map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
         let layer = Layer { color: &color, depth: Some(&depth) };
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        splats.draw_layer(device, queue, &mut encoder, &mut view, &layer, &pipeline);
+        splats.draw_layer(&mut gpu.encoding(&mut encoder), &mut view, &layer, &pipeline);
         queue.submit([encoder.finish()]);
     }
 
@@ -191,7 +191,7 @@ fn sorted(
     let mut view = SplatView::new();
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let settings = SplatSettings::default();
-    splats.project_and_sort(device, queue, &mut encoder, &mut view, camera, &[cloud], &settings).unwrap();
+    splats.project_and_sort(&mut gpu.encoding(&mut encoder), &mut view, camera, &[cloud], &settings).unwrap();
     queue.submit([encoder.finish()]);
     (splats, view)
 }

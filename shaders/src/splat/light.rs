@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use stylegaussian::light as twin;
 
 use super::text::{RECORDS, source};
-use crate::{Layout, Source, constants, float_constants, layers, layout};
+use crate::{Source, constants, float_constants, layers};
 
 /// From display-referred colors to light.
 pub(super) const INVERSE: &str = include_str!("../../wgsl/splat_inverse.wgsl");
@@ -19,91 +19,6 @@ pub const FALLOFF_EXPONENTIAL: u32 = 1;
 pub const FALLOFF_EXPONENTIAL_SQUARED: u32 = 2;
 /// `falloff`: exponential, with other densities for light that is lost and light that is added.
 pub const FALLOFF_ATMOSPHERIC: u32 = 3;
-
-/// Every struct of light that is shared with Rust.
-pub(super) fn layouts() -> Vec<Layout> {
-    vec![
-        layout!(FogSun { direction, padding_0, glow, padding_1 }),
-        layout!(TintVolume {
-            shape_from_view_x,
-            shape_from_view_y,
-            shape_from_view_z,
-            sizes,
-            red,
-            green,
-            blue,
-            shape,
-            softness,
-            inverse_softness,
-            padding,
-        }),
-        layout!(SplatLight {
-            view_from_clip_x,
-            view_from_clip_y,
-            view_from_clip_z,
-            view_from_clip_w,
-            viewport,
-            tint_red,
-            tint_green,
-            tint_blue,
-            fog_color,
-            fog_strength,
-            extinction,
-            falloff,
-            inscattering,
-            exponent,
-            suns,
-            volumes,
-            n_suns,
-            first_record,
-            n_records,
-            has_strokes,
-            exposure,
-            shadow_amount,
-            n_volumes,
-            padding,
-        }),
-        layout!(ShadowCascade {
-            clip_from_view_x,
-            clip_from_view_y,
-            clip_from_view_z,
-            clip_from_view_w,
-            offset,
-            far,
-        }),
-        layout!(ShadowLamp {
-            light_from_view_x,
-            light_from_view_y,
-            light_from_view_z,
-            range,
-            near,
-            depth_bias,
-            normal_bias,
-            cone,
-            half_width,
-            map,
-        }),
-        layout!(SplatAtmosphere {
-            clip_from_view_x,
-            clip_from_view_y,
-            clip_from_view_w,
-            meters_from_view_x,
-            meters_from_view_y,
-            meters_from_view_z,
-            up,
-            altitude,
-            inner_radius,
-            thickness,
-            max_distance,
-            n_slices,
-            exposure,
-            grayness,
-            padding_0,
-            padding_1,
-        }),
-        layout!(SplatShadows { cascades, lamps, n_cascades, n_lamps, padding_0, padding_1 }),
-    ]
-}
 
 /// A directional light in fog.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

@@ -9,19 +9,14 @@ use std::sync::Arc;
 use bevy::{
     platform::collections::HashMap,
     prelude::*,
-    render::{
-        Extract,
-        diagnostic::RecordDiagnostics,
-        render_asset::RenderAssets,
-        renderer::{RenderContext, RenderDevice, RenderQueue},
-        texture::GpuImage,
-    },
+    render::{Extract, render_asset::RenderAssets, texture::GpuImage},
 };
 use stylegaussian::{paint::Paint, strokes::StrokeTexture};
 use stylegaussian_gpu::strokes::{PaintImage, PaintReadBack, StrokeLayer, StrokeRedrawer};
 use wgpu::{TextureDescriptor, TextureDimension, TextureUsages, TextureViewDescriptor, TextureViewDimension};
 
 use crate::{
+    commands::GpuCommands,
     reports::Reports,
     work::{Background, SynchronousCompilation},
 };
@@ -149,8 +144,6 @@ pub(super) fn begin_redrawing(mut redrawing: ResMut<Redrawing>, living: Res<Livi
 
 /// Where textures are made.
 pub(crate) struct RedrawingGpu<'a> {
-    pub(crate) device: &'a wgpu::Device,
-    pub(crate) queue: &'a wgpu::Queue,
     pub(crate) images: &'a RenderAssets<GpuImage>,
     pub(crate) textures: &'a StrokeTextures,
     pub(crate) synchronous: SynchronousCompilation,
@@ -159,29 +152,19 @@ pub(crate) struct RedrawingGpu<'a> {
 
 impl Redrawing {
     /// Makes the textures anew whose images changed. Does nothing if none did.
-    pub(crate) fn redraw(
-        &mut self,
-        living: &LivingPaintings,
-        gpu: &RedrawingGpu,
-        context: &mut RenderContext,
-    ) {
+    pub(crate) fn redraw(&mut self, living: &LivingPaintings, from: &RedrawingGpu, gpu: &mut GpuCommands) {
         for painting in &living.shown {
-            let Some(layer) = gpu.textures.0.layer_of(&painting.texture) else { continue };
+            let Some(layer) = from.textures.0.layer_of(&painting.texture) else { continue };
             let drawn = self.drawn.get(&painting.image).filter(|drawn| drawn.layer == layer);
             let is_current = drawn.is_some_and(|drawn| {
                 drawn.version == painting.version && (drawn.is_of_this_frame || !painting.changes_on_gpu)
             });
-            let Some(image) = gpu.images.get(painting.image).filter(|_| !is_current) else { continue };
-            let Some(redrawer) = self.redrawer(gpu.synchronous, gpu.device) else { continue };
+            let Some(image) = from.images.get(painting.image).filter(|_| !is_current) else { continue };
+            let Some(redrawer) = self.redrawer(from.synchronous, gpu.device()) else { continue };
             let found = readable(image).and_then(|image| {
-                let diagnostics = context.diagnostic_recorder();
-                let diagnostics = diagnostics.as_deref();
-                let encoder = context.command_encoder();
-                let span = diagnostics.time_span(encoder, "redraw_strokes");
-                let store = &gpu.textures.0;
-                let encoded =
-                    redrawer.encode(gpu.device, gpu.queue, encoder, &image, painting.reading, store, &layer);
-                span.end(encoder);
+                let encoded = gpu.timed("redraw_strokes", |gpu| {
+                    redrawer.encode(gpu, &image, painting.reading, &from.textures.0, &layer)
+                });
                 encoded.map_err(|error| error.to_string())
             });
             // Noted after a failure too: the next frame would fail again.
@@ -189,7 +172,7 @@ impl Redrawing {
             self.drawn.insert(image, Drawn { layer, version, is_of_this_frame: true });
             match found {
                 Ok(()) => self.count(),
-                Err(reason) => gpu.reports.push(LivingReport::Refused { image, reason }),
+                Err(reason) => from.reports.push(LivingReport::Refused { image, reason }),
             }
         }
     }
@@ -221,16 +204,13 @@ fn readable(image: &GpuImage) -> Result<PaintImage<'_>, String> {
 }
 
 /// Copies images to main memory, after all cameras have drawn. It takes a few frames, and none waits for it.
-#[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub(super) fn read_living(
     mut redrawing: ResMut<Redrawing>,
     living: Res<LivingPaintings>,
     images: Res<RenderAssets<GpuImage>>,
     synchronous: Res<SynchronousCompilation>,
     reports: Res<Reports<LivingReport>>,
-    device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
-    mut context: RenderContext,
+    mut gpu: GpuCommands,
 ) {
     if living.reads.is_empty() && redrawing.reads.is_empty() {
         return;
@@ -256,11 +236,9 @@ pub(super) fn read_living(
     for &(id, number) in &living.reads {
         let is_begun = redrawing.reads.iter().any(|read| (read.image, read.number) == (id, number));
         let Some(image) = images.get(id).filter(|_| !is_begun) else { continue };
-        let Some(redrawer) = redrawing.redrawer(*synchronous, device.wgpu_device()) else { continue };
+        let Some(redrawer) = redrawing.redrawer(*synchronous, gpu.device()) else { continue };
         let copy = readable(image).and_then(|image| {
-            let encoder = context.command_encoder();
-            let copy = redrawer.encode_read(device.wgpu_device(), &queue, encoder, &image);
-            copy.map_err(|error| error.to_string())
+            gpu.encode(|gpu| redrawer.encode_read(gpu, &image)).map_err(|error| error.to_string())
         });
         match copy {
             Ok(copy) => redrawing.reads.push(Read { image: id, number, copy: Some(copy) }),

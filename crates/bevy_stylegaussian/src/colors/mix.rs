@@ -2,21 +2,17 @@
 
 use std::sync::Arc;
 
-use bevy::{
-    prelude::*,
-    render::{
-        diagnostic::RecordDiagnostics,
-        renderer::{RenderContext, RenderDevice, RenderQueue},
-    },
-};
+use bevy::prelude::*;
 use stylegaussian_gpu::{
     colors::GaussianColors,
+    device::GpuEncoder,
     layers::{GaussianMask, GpuLayer, LayerMixer, MixedLayers, StrokeMix},
     splat::GpuScene,
     strokes::GaussianStrokes,
 };
 
 use crate::{
+    commands::GpuCommands,
     mask::RenderMasks,
     scene::{GpuScenes, RenderClouds},
     work::{Background, SynchronousCompilation},
@@ -62,11 +58,9 @@ impl Mixer {
     }
 }
 
-/// Access to the GPU while layers are mixed.
-struct Gpu<'a> {
-    device: &'a wgpu::Device,
-    queue: &'a wgpu::Queue,
-    encoder: &'a mut wgpu::CommandEncoder,
+/// The mix of an entity's layers.
+struct Mixing<'a, 'g> {
+    gpu: &'a mut GpuEncoder<'g>,
     mixer: &'a LayerMixer,
     /// The entity's mask.
     mask: Option<&'a GaussianMask>,
@@ -96,16 +90,11 @@ pub(crate) fn mix_colors(
     mut mixer: ResMut<Mixer>,
     pipelines: Res<PipelinesReady>,
     synchronous: Res<SynchronousCompilation>,
-    device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
-    mut context: RenderContext,
+    mut gpu: GpuCommands,
 ) {
     if colors.settled && !colors.is_changed() && !masks.is_changed() {
         return;
     }
-    let (device, queue) = (device.wgpu_device(), &**queue);
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
     let mut is_begun = false;
     for (entity, wish) in &wishes.0 {
         let Some(cloud) = clouds.0.get(entity) else { continue };
@@ -125,21 +114,20 @@ pub(crate) fn mix_colors(
                 Way::Style(style, strokes) => Shown::Style(style, strokes),
                 Way::Mix => {
                     let has_strokes = colors.have_strokes(&wish.layers);
-                    let Some(mixer) = mixer.get(*synchronous, device, has_strokes) else {
+                    let Some(mixer) = mixer.get(*synchronous, gpu.device(), has_strokes) else {
                         colors.settled = false;
                         continue;
                     };
                     if !std::mem::replace(&mut is_begun, true) {
                         mixer.begin_submission();
                     }
-                    let own = colors.own_mix(*entity, device, scene.n_gaussians());
+                    let own = colors.own_mix(*entity, gpu.device(), scene.n_gaussians());
                     let Some(mut own) = own else { continue };
-                    let encoder = context.command_encoder();
-                    let span = diagnostics.time_span(encoder, "mix_layers");
-                    let mut gpu = Gpu { device, queue, encoder, mixer: &mixer, mask };
                     let target = (&own.colors, &mut own.mixed, &mut own.strokes);
-                    gpu.mix(scene, &mut colors, &wish.layers, target);
-                    span.end(context.command_encoder());
+                    gpu.timed("mix_layers", |gpu| {
+                        let mut mixing = Mixing { gpu, mixer: &mixer, mask };
+                        mixing.mix(scene, &mut colors, &wish.layers, target);
+                    });
                     Shown::Mixed(own)
                 }
             };
@@ -199,7 +187,7 @@ impl ShownColors {
 /// Where layers are mixed into.
 type Target<'a> = (&'a GaussianColors, &'a mut MixedLayers, &'a mut StrokeMix);
 
-impl Gpu<'_> {
+impl Mixing<'_, '_> {
     /// Mixes layers into `target`, the mixes among them first.
     fn mix(
         &mut self,
@@ -211,7 +199,7 @@ impl Gpu<'_> {
         for layer in layers {
             let LayerColors::Mix(inner) = &layer.colors else { continue };
             if !colors.mixes.contains_key(&address(inner)) {
-                let Some(buffer) = colors.buffer(self.device, scene.n_gaussians()) else { continue };
+                let Some(buffer) = colors.buffer(self.gpu.device, scene.n_gaussians()) else { continue };
                 let mut strokes = StrokeMix::default();
                 let target = (&buffer, &mut MixedLayers::default(), &mut strokes);
                 self.mix(scene, colors, &inner.layers(), target);
@@ -247,9 +235,9 @@ impl Gpu<'_> {
                 factors: layer.factors,
             })
             .collect();
-        let Self { device, queue, encoder, mixer, .. } = self;
-        mixer.encode(device, queue, encoder, scene, &gpu_layers, target, mixed);
-        if let Err(error) = mixer.encode_strokes(device, queue, encoder, scene, &gpu_layers, strokes) {
+        let Self { gpu, mixer, .. } = self;
+        mixer.encode(gpu, scene, &gpu_layers, target, mixed);
+        if let Err(error) = mixer.encode_strokes(gpu, scene, &gpu_layers, strokes) {
             warn_once!("mixed styles are shown without their strokes: {error}");
         }
     }

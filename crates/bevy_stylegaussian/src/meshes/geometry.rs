@@ -69,9 +69,16 @@ pub(super) fn with_vertices(mut mesh: Mesh, parents: &[[u32; 2]]) -> Mesh {
         Some(VertexAttributeValues::Uint16x4(joints)) => joints.clone(),
         _ => Vec::new(),
     };
-    let known: Vec<_> = mesh.attributes().map(|(attribute, values)| (*attribute, values.clone())).collect();
-    for (attribute, values) in known {
-        mesh.insert_attribute(attribute, with_middles(&attribute, &values, parents));
+    let middles: Vec<_> = mesh
+        .attributes()
+        .filter_map(|(attribute, values)| Some((*attribute, with_middles(attribute, values, parents)?)))
+        .collect();
+    // Of other formats there is no mean that would be right for all: the value of the first vertex.
+    let rows: Vec<u32> = (0..mesh.count_vertices() as u32).collect();
+    mesh.insert_indices(Indices::U32(extended(&rows, parents, |a, _| a)));
+    mesh.duplicate_vertices();
+    for (attribute, values) in middles {
+        mesh.insert_attribute(attribute, values);
     }
     if !weights.is_empty() && weights.len() == joints.len() {
         let skin: Vec<Skin> = weights.into_iter().zip(joints).collect();
@@ -79,7 +86,6 @@ pub(super) fn with_vertices(mut mesh: Mesh, parents: &[[u32; 2]]) -> Mesh {
         mesh.insert_attribute(Mesh::ATTRIBUTE_JOINT_WEIGHT, weights);
         mesh.insert_attribute(Mesh::ATTRIBUTE_JOINT_INDEX, VertexAttributeValues::Uint16x4(joints));
     }
-    mesh.remove_indices();
     mesh
 }
 
@@ -92,16 +98,15 @@ pub(super) fn painted(
     own: impl Fn(u32) -> [f32; 3],
 ) -> Mesh {
     let n = mesh.count_vertices();
-    let rows: Vec<usize> = corners.corners.iter().map(|corner| corner.vertex as usize).collect();
+    let rows: Vec<u32> = corners.corners.iter().map(|corner| corner.vertex).collect();
     if let Some(targets) = mesh.morph_targets().filter(|_| n > 0) {
-        let target = |target: &[MorphAttributes]| rows.iter().map(|&i| target[i]).collect::<Vec<_>>();
+        let target =
+            |target: &[MorphAttributes]| rows.iter().map(|&i| target[i as usize]).collect::<Vec<_>>();
         let targets: Vec<_> = targets.chunks_exact(n).flat_map(target).collect();
         mesh.set_morph_targets(targets);
     }
-    let known: Vec<_> = mesh.attributes().map(|(attribute, values)| (*attribute, values.clone())).collect();
-    for (attribute, values) in known {
-        mesh.insert_attribute(attribute, in_rows(&values, &rows));
-    }
+    mesh.insert_indices(Indices::U32(rows));
+    mesh.duplicate_vertices();
     let of = |color: &dyn Fn(u32) -> [f32; 3]| -> Vec<[f32; 3]> {
         corners.corners.iter().map(|corner| color(corner.vertex)).collect()
     };
@@ -170,17 +175,17 @@ fn unit(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     Vec3::from(middle(a, b)).try_normalize().unwrap_or(Vec3::from(a)).to_array()
 }
 
-/// The values of an attribute, and those of further vertices.
+/// The values of an attribute, and those of further vertices; `None` for formats without a mean.
 fn with_middles(
     attribute: &MeshVertexAttribute,
     values: &VertexAttributeValues,
     parents: &[[u32; 2]],
-) -> VertexAttributeValues {
+) -> Option<VertexAttributeValues> {
     use VertexAttributeValues as V;
     let bytes = |a: [u8; 4], b: [u8; 4]| {
         std::array::from_fn(|i| (u16::from(a[i]) + u16::from(b[i])).div_ceil(2) as u8)
     };
-    match values {
+    Some(match values {
         V::Float32x3(values) if attribute.id == Mesh::ATTRIBUTE_NORMAL.id => {
             V::Float32x3(extended(values, parents, unit))
         }
@@ -196,74 +201,8 @@ fn with_middles(
         V::Float32x3(values) => V::Float32x3(extended(values, parents, middle)),
         V::Float32x4(values) => V::Float32x4(extended(values, parents, middle)),
         V::Unorm8x4(values) => V::Unorm8x4(extended(values, parents, bytes)),
-        // Of other formats there is no mean that would be right for all: the value of the first vertex.
-        other => {
-            let mut rows: Vec<usize> = (0..other.len()).collect();
-            for [a, _] in parents {
-                rows.push(rows[*a as usize]);
-            }
-            in_rows(other, &rows)
-        }
-    }
-}
-
-/// The values of an attribute at `rows`.
-fn in_rows(values: &VertexAttributeValues, rows: &[usize]) -> VertexAttributeValues {
-    use VertexAttributeValues as V;
-    macro_rules! of_all {
-        ($($format:ident),+) => {
-            match values {
-                $(V::$format(values) => V::$format(rows.iter().map(|&row| values[row]).collect()),)+
-            }
-        };
-    }
-    of_all!(
-        Uint8,
-        Uint8x2,
-        Uint8x4,
-        Sint8,
-        Sint8x2,
-        Sint8x4,
-        Unorm8,
-        Unorm8x2,
-        Unorm8x4,
-        Snorm8,
-        Snorm8x2,
-        Snorm8x4,
-        Uint16,
-        Uint16x2,
-        Uint16x4,
-        Sint16,
-        Sint16x2,
-        Sint16x4,
-        Unorm16,
-        Unorm16x2,
-        Unorm16x4,
-        Snorm16,
-        Snorm16x2,
-        Snorm16x4,
-        Float16,
-        Float16x2,
-        Float16x4,
-        Float32,
-        Float32x2,
-        Float32x3,
-        Float32x4,
-        Uint32,
-        Uint32x2,
-        Uint32x3,
-        Uint32x4,
-        Sint32,
-        Sint32x2,
-        Sint32x3,
-        Sint32x4,
-        Float64,
-        Float64x2,
-        Float64x3,
-        Float64x4,
-        Unorm10_10_10_2,
-        Unorm8x4Bgra
-    )
+        _ => return None,
+    })
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ use super::{
     textures::{PaintingImages, seeds_image},
 };
 use crate::{
-    style::{Brushwork, StyleError},
+    style::{Brushwork, Failure, StyleError, settled},
     work::{Lane, Running, Workers},
 };
 
@@ -93,8 +93,7 @@ impl SharedPaint {
         let opaque_render_method = OpaqueRendererMethod::Forward;
         let base = StandardMaterial { opaque_render_method, ..given.base.clone() };
         let running = workers.start(Lane::Styles, move |work| {
-            let made = compute(given, &brushwork, scale, work)?;
-            Ok(made.map(|made| Mutex::new(Some(made))))
+            settled(compute(given, &brushwork, scale, work).map(|made| Mutex::new(Some(made))))
         });
         Self { key, running, base, assets: OnceLock::new() }
     }
@@ -154,41 +153,26 @@ impl SharedPaint {
 }
 
 /// Paints a mesh.
-fn compute(
-    given: Given,
-    brushwork: &Brushwork,
-    scale: f32,
-    work: &Work,
-) -> Result<Result<Made, Arc<StyleError>>, Canceled> {
+fn compute(given: Given, brushwork: &Brushwork, scale: f32, work: &Work) -> Result<Made, Failure> {
     let Given { mesh, base, image, name } = given;
-    let failed = |found: String| -> Result<Result<Made, Arc<StyleError>>, Canceled> {
-        Ok(Err(Arc::new(StyleError::Mesh { mesh: name.clone(), found })))
-    };
-    let (positions, corners) = match triangles(&mesh) {
-        Ok(found) => found,
-        Err(found) => return failed(found),
-    };
-    let base = match BaseColor::new(&base, image) {
-        Ok(base) => base,
-        Err(found) => return failed(found),
-    };
+    let failed = |found: String| StyleError::Mesh { mesh: name.clone(), found };
+    let (positions, corners) = triangles(&mesh).map_err(failed)?;
+    let base = BaseColor::new(&base, image).map_err(failed)?;
     let spacing = match brushwork.pixel() {
         Some(pixel) => SPACING * pixel * scale,
         None => spacing_alone(&positions),
     };
     let split = Split::new(positions, corners, spacing, work)?;
     if split.triangles.is_empty() {
-        return failed("found no triangle, expected one at least".into());
+        return Err(failed("found no triangle, expected one at least".into()).into());
     }
     let mesh = with_vertices(mesh, &split.parents);
     let own = base.of_vertices(&mesh, (&split.positions, &split.triangles), spacing);
     work.at(0.1)?;
     let spots = Spots::new(&split, normals(&mesh).as_deref(), &own, spacing, Vec3::Y);
-    let paint = match brushwork.paint(&spots.scene, scale, &work.part(0.1, 0.9))? {
-        Ok(paint) => MeshPaint::new(&split, &spots, paint),
-        Err(error) => return Ok(Err(error)),
-    };
+    let paint = brushwork.paint(&spots.scene, scale, &work.part(0.1, 0.9))?;
+    let paint = MeshPaint::new(&split, &spots, paint);
     let color = |vertex: u32| paint.colors[spots.of_vertex[vertex as usize] as usize];
     let mesh = painted(mesh, &paint.corners, color, |vertex| own[vertex as usize]);
-    Ok(Ok(Made { mesh, strokes: paint.strokes }))
+    Ok(Made { mesh, strokes: paint.strokes })
 }

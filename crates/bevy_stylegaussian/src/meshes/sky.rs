@@ -20,7 +20,9 @@ use stylegaussian::{
 
 use super::want::Paints;
 use crate::{
-    style::{Brushwork, StyleError, StyleEvents, StyleJobs, StyleSource, decoder::StyleBackend},
+    style::{
+        Brushwork, Failure, StyleError, StyleEvents, StyleJobs, StyleSource, decoder::StyleBackend, settled,
+    },
     work::{Lane, Running, Workers},
 };
 
@@ -182,7 +184,7 @@ impl SkyPainting {
         let Some(cube) = images.get(&image) else { return };
         let name = image.path().map_or_else(|| "a sky".into(), ToString::to_string);
         let (cube, of_job) = (cube.clone(), Arc::clone(&brushwork));
-        let running = workers.start(Lane::Styles, move |work| compute(&cube, name, &of_job, work));
+        let running = workers.start(Lane::Styles, move |work| settled(compute(&cube, name, &of_job, work)));
         self.wanted = Some(SkyJob { image, brushwork, since: Instant::now(), running });
     }
 }
@@ -193,23 +195,18 @@ fn compute(
     name: String,
     brushwork: &Brushwork,
     work: &Work,
-) -> Result<Result<Mutex<Vec<u8>>, Arc<StyleError>>, Canceled> {
-    if let Err(found) = readable(cube) {
-        return Ok(Err(Arc::new(StyleError::Sky { sky: name, found })));
-    }
+) -> Result<Mutex<Vec<u8>>, Failure> {
+    readable(cube).map_err(|found| StyleError::Sky { sky: name, found })?;
     let color = |direction: Vec3, patch: f32| color_of(cube, direction, patch);
     let sky = Sky::new_if_wanted(color, work)?;
     work.at(0.1)?;
-    let painted = match brushwork.paint(sky.spots(), brushwork.sky_scale(), &work.part(0.1, 0.7))? {
-        Ok(painted) => painted,
-        Err(error) => return Ok(Err(error)),
-    };
+    let painted = brushwork.paint(sky.spots(), brushwork.sky_scale(), &work.part(0.1, 0.7))?;
     let faces = sky.faces(&painted, color, SIDE, work)?;
     let texel = |[r, g, b]: &[f32; 3]| {
         let [r, g, b] = [r, g, b].map(|value| (value * 255.0).round() as u8);
         [r, g, b, 255]
     };
-    Ok(Ok(Mutex::new(faces.iter().flat_map(texel).collect())))
+    Ok(Mutex::new(faces.iter().flat_map(texel).collect()))
 }
 
 /// Whether an image is a cube map that the CPU can read.

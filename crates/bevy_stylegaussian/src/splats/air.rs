@@ -13,13 +13,14 @@ use bevy::{
     prelude::*,
     render::{
         camera::ExtractedCamera,
-        diagnostic::RecordDiagnostics,
-        renderer::{RenderContext, RenderDevice, ViewQuery},
+        renderer::{RenderDevice, ViewQuery},
         view::{ExtractedView, RetainedViewEntity},
     },
 };
 use stylegaussian::light::{Atmosphere, Cone, Falloff, Fog, MAX_LAMPS, ShadowCascade, ShadowLamp, Sun};
 use stylegaussian_gpu::splat::{AerialPerspective, Shadows};
+
+use crate::commands::GpuCommands;
 
 use super::{pipelines::SplatPipelines, view::SplatViews};
 
@@ -228,16 +229,12 @@ pub(super) fn light_in_atmosphere(
     view: ViewQuery<&ExtractedView, With<AtmosphereTextures>>,
     mut views: ResMut<SplatViews>,
     pipelines: Res<SplatPipelines>,
-    device: Res<RenderDevice>,
-    mut context: RenderContext,
+    mut gpu: GpuCommands,
 ) {
     let key = view.into_inner().retained_view_entity;
     let Some(splats) = views.get_mut(&key).filter(|splats| splats.plan.is_some()) else { return };
     let Some(passes) = pipelines.passes() else { return };
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let encoder = context.command_encoder();
-    let span = diagnostics.time_span(encoder, splats.span("splat_light"));
-    passes.splat.light_in_atmosphere(device.wgpu_device(), encoder, &mut splats.buffers);
-    span.end(encoder);
+    gpu.timed(splats.span("splat_light"), |gpu| {
+        passes.splat.light_in_atmosphere(gpu.device, gpu.encoder, &mut splats.buffers);
+    });
 }

@@ -16,8 +16,7 @@ use bevy::{
     prelude::*,
     render::{
         Extract, ExtractSchedule, GpuResourceAppExt, Render, RenderSystems,
-        diagnostic::RecordDiagnostics,
-        renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery},
+        renderer::{RenderDevice, ViewQuery},
         sync_world::{MainEntity, MainEntityHashMap},
         view::{ExtractedView, RetainedViewEntity},
     },
@@ -27,6 +26,7 @@ use wgpu::{RenderPassDescriptor, StoreOp};
 
 use crate::{
     colors::{PipelinesReady, ShownColors, StrokeClock},
+    commands::GpuCommands,
     mask::RenderMasks,
     scene::{GpuScenes, RenderClouds, device_serves},
     work::{Background, SynchronousCompilation},
@@ -146,7 +146,7 @@ type ShadowMap = (&'static ShadowView, &'static ExtractedView, &'static Frustum,
 
 /// Everything that casting takes.
 #[derive(SystemParam)]
-struct Casting<'w> {
+struct Casting<'w, 's> {
     casters: Res<'w, Casters>,
     casts: ResMut<'w, SplatCasts>,
     pipelines: Res<'w, SplatPipelines>,
@@ -156,8 +156,7 @@ struct Casting<'w> {
     clock: Res<'w, StrokeClock>,
     masks: Res<'w, RenderMasks>,
     fades: Res<'w, CloudFades>,
-    device: Res<'w, RenderDevice>,
-    queue: Res<'w, RenderQueue>,
+    gpu: GpuCommands<'w, 's>,
 }
 
 /// Draws splats into the shadow maps of a camera: those of directional lights.
@@ -166,7 +165,6 @@ fn cast_for_camera(
     maps: Query<ShadowMap>,
     views: Res<SplatViews>,
     mut casting: Casting,
-    mut context: RenderContext,
 ) {
     let (view, lights) = camera.into_inner();
     let name = match views.get(&view.retained_view_entity) {
@@ -174,27 +172,21 @@ fn cast_for_camera(
         None => Cow::Borrowed("splat_cast"),
     };
     let maps: Vec<_> = lights.lights.iter().filter_map(|&map| maps.get(map).ok()).collect();
-    casting.cast(&mut context, name, &maps);
+    casting.cast(name, &maps);
 }
 
 /// Draws splats into a shadow map that all cameras share: that of a spot light, or a side of a point light's.
-fn cast_for_all(map: ViewQuery<ShadowMap>, mut casting: Casting, mut context: RenderContext) {
+fn cast_for_all(map: ViewQuery<ShadowMap>, mut casting: Casting) {
     let map = map.into_inner();
     let name = format!("splat_cast_{}", map.0.pass_name);
-    casting.cast(&mut context, name.into(), &[map]);
+    casting.cast(name.into(), &[map]);
 }
 
-impl Casting<'_> {
+impl Casting<'_, '_> {
     /// Draws all casters that each of `maps` sees. `span` is the name of this among the diagnostics.
-    fn cast(
-        &mut self,
-        context: &mut RenderContext,
-        span: Cow<'static, str>,
-        maps: &[QueryItem<'_, '_, ShadowMap>],
-    ) {
+    fn cast(&mut self, span: Cow<'static, str>, maps: &[QueryItem<'_, '_, ShadowMap>]) {
         let Some(passes) = self.pipelines.passes().filter(|_| !self.casters.0.is_empty()) else { return };
-        let device = self.device.wgpu_device();
-        let largest = device.limits().max_texture_dimension_2d;
+        let largest = self.gpu.device().limits().max_texture_dimension_2d;
         let [is_ready, has_masks] =
             self.casts.draws.each_ref().map(|draw| draw.as_ref().is_some_and(|draw| draw.get().is_some()));
         if !is_ready {
@@ -241,24 +233,20 @@ impl Casting<'_> {
         if seen.is_empty() {
             return;
         }
-        let diagnostics = context.diagnostic_recorder();
-        let diagnostics = diagnostics.as_deref();
-        let encoder = context.command_encoder();
-        let span = diagnostics.time_span(encoder, span);
-        for (map, key, camera, near, casters) in seen {
-            let of_map = self.casts.of_map.entry(key).or_default();
-            let light = (&camera, near);
-            // The draw of the clouds themselves tells of an error.
-            if passes.splat.project_casters(device, &self.queue, encoder, of_map, light, &casters).is_err() {
-                continue;
+        self.gpu.timed(span, |gpu| {
+            for (map, key, camera, near, casters) in seen {
+                let of_map = self.casts.of_map.entry(key).or_default();
+                // The draw of the clouds themselves tells of an error.
+                if passes.splat.project_casters(gpu, of_map, (&camera, near), &casters).is_err() {
+                    continue;
+                }
+                let mut pass = gpu.encoder.begin_render_pass(&RenderPassDescriptor {
+                    label: Some("splat_cast"),
+                    depth_stencil_attachment: Some(map.depth_attachment.get_attachment(StoreOp::Store)),
+                    ..default()
+                });
+                passes.splat.cast(&mut pass, of_map);
             }
-            let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
-                label: Some("splat_cast"),
-                depth_stencil_attachment: Some(map.depth_attachment.get_attachment(StoreOp::Store)),
-                ..default()
-            });
-            passes.splat.cast(&mut pass, of_map);
-        }
-        span.end(encoder);
+        });
     }
 }

@@ -16,9 +16,8 @@ use bevy::{
     platform::collections::HashMap,
     prelude::*,
     render::{
-        diagnostic::RecordDiagnostics,
         extract_component::ExtractComponent,
-        renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery},
+        renderer::{RenderDevice, ViewQuery},
         view::{ExtractedView, RetainedViewEntity, ViewDepthTexture},
     },
 };
@@ -27,6 +26,7 @@ use wgpu::{LoadOp, Operations, RenderPassDepthStencilAttachment, RenderPassDescr
 
 use crate::{
     colors::PipelinesReady,
+    commands::GpuCommands,
     work::{Background, SynchronousCompilation},
 };
 
@@ -103,20 +103,18 @@ pub(super) fn prepare_depths(
 
 /// Everything that writing depth takes.
 #[derive(SystemParam)]
-pub(super) struct Writer<'w> {
+pub(super) struct Writer<'w, 's> {
     views: ResMut<'w, SplatViews>,
     depths: ResMut<'w, SplatDepths>,
     pipelines: Res<'w, SplatPipelines>,
-    device: Res<'w, RenderDevice>,
-    queue: Res<'w, RenderQueue>,
+    gpu: GpuCommands<'w, 's>,
 }
 
-impl Writer<'_> {
+impl Writer<'_, '_> {
     /// Writes the depths of a view, whose splats are sorted, into an attachment of `samples` samples. `span` is
     /// its name among the diagnostics.
     fn write(
         &mut self,
-        context: &mut RenderContext,
         span: &'static str,
         (view, depth): (&RetainedViewEntity, &SplatDepth),
         samples: u32,
@@ -126,20 +124,15 @@ impl Writer<'_> {
         let SplatDepths { of_view, pipelines } = &mut *self.depths;
         let (Some(iso), Some(passes)) = (of_view.get_mut(view), self.pipelines.passes()) else { return };
         let Some(pipeline) = pipelines.get(&samples).and_then(Background::get) else { return };
-        let diagnostics = context.diagnostic_recorder();
-        let diagnostics = diagnostics.as_deref();
-        let encoder = context.command_encoder();
-        let span = diagnostics.time_span(encoder, splats.span(span));
-        let device = self.device.wgpu_device();
-        passes.splat.find_depth(device, &self.queue, encoder, &mut splats.buffers, depth.threshold, iso);
-        let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
-            label: Some("splat_depth"),
-            depth_stencil_attachment: Some(attachment),
-            ..default()
+        self.gpu.timed(splats.span(span), |gpu| {
+            passes.splat.find_depth(gpu, &mut splats.buffers, depth.threshold, iso);
+            let mut pass = gpu.encoder.begin_render_pass(&RenderPassDescriptor {
+                label: Some("splat_depth"),
+                depth_stencil_attachment: Some(attachment),
+                ..default()
+            });
+            passes.splat.write_depth(&mut pass, iso, pipeline);
         });
-        passes.splat.write_depth(&mut pass, iso, pipeline);
-        drop(pass);
-        span.end(encoder);
     }
 }
 
@@ -147,10 +140,9 @@ impl Writer<'_> {
 pub(super) fn write_prepass_depth(
     view: ViewQuery<(&ExtractedView, &SplatDepth, &Msaa, &ViewPrepassTextures), Without<DeferredPrepass>>,
     mut writer: Writer,
-    mut context: RenderContext,
 ) {
     let (extracted, depth, msaa, textures) = view.into_inner();
-    write_into_prepass(&mut writer, &mut context, (&extracted.retained_view_entity, depth), msaa, textures);
+    write_into_prepass(&mut writer, (&extracted.retained_view_entity, depth), msaa, textures);
 }
 
 /// A view whose depth texture gets the depths of splats.
@@ -164,19 +156,18 @@ type Deep = (
 );
 
 /// Writes a view's depths into its depth texture, and those of a deferred camera into its prepass.
-pub(super) fn write_view_depth(view: ViewQuery<Deep>, mut writer: Writer, mut context: RenderContext) {
+pub(super) fn write_view_depth(view: ViewQuery<Deep>, mut writer: Writer) {
     let (extracted, depth, msaa, texture, prepass, is_deferred) = view.into_inner();
     let view = (&extracted.retained_view_entity, depth);
     let attachment = texture.get_attachment(StoreOp::Store);
-    writer.write(&mut context, "splat_depth", view, msaa.samples(), attachment);
+    writer.write("splat_depth", view, msaa.samples(), attachment);
     if let Some(textures) = prepass.filter(|_| is_deferred) {
-        write_into_prepass(&mut writer, &mut context, view, msaa, textures);
+        write_into_prepass(&mut writer, view, msaa, textures);
     }
 }
 
 fn write_into_prepass(
     writer: &mut Writer,
-    context: &mut RenderContext,
     view: (&RetainedViewEntity, &SplatDepth),
     msaa: &Msaa,
     textures: &ViewPrepassTextures,
@@ -187,5 +178,5 @@ fn write_into_prepass(
         depth_ops: Some(Operations { load: LoadOp::Load, store: StoreOp::Store }),
         stencil_ops: None,
     };
-    writer.write(context, "splat_prepass_depth", view, msaa.samples(), attachment);
+    writer.write("splat_prepass_depth", view, msaa.samples(), attachment);
 }

@@ -2,16 +2,12 @@
 
 use bevy::{
     prelude::*,
-    render::{
-        render_asset::RenderAssets,
-        renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery},
-        texture::GpuImage,
-        view::ExtractedView,
-    },
+    render::{render_asset::RenderAssets, renderer::ViewQuery, texture::GpuImage, view::ExtractedView},
 };
 
 use crate::{
     colors::{LivingPaintings, LivingReport, Redrawing, RedrawingGpu, StrokeTextures},
+    commands::GpuCommands,
     reports::Reports,
     work::SynchronousCompilation,
 };
@@ -32,23 +28,19 @@ pub(super) fn redraw_living(
     textures: Res<StrokeTextures>,
     synchronous: Res<SynchronousCompilation>,
     reports: Res<Reports<LivingReport>>,
-    device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
-    mut context: RenderContext,
+    mut gpu: GpuCommands,
 ) {
     if living.shown.is_empty() {
         return;
     }
     let shows_splats = views.get(&view.into_inner().retained_view_entity).is_some_and(|v| v.plan.is_some());
     if shows_splats {
-        let gpu = RedrawingGpu {
-            device: device.wgpu_device(),
-            queue: &queue,
+        let from = RedrawingGpu {
             images: &images,
             textures: &textures,
             synchronous: *synchronous,
             reports: &reports,
         };
-        redrawing.redraw(&living, &gpu, &mut context);
+        redrawing.redraw(&living, &from, &mut gpu);
     }
 }

@@ -4,8 +4,7 @@
 use bevy::{
     prelude::*,
     render::{
-        diagnostic::{DiagnosticsRecorder, RecordDiagnostics},
-        renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery},
+        renderer::{RenderContext, ViewQuery},
         view::{ExtractedView, ViewDepthTexture, ViewTarget},
     },
 };
@@ -14,6 +13,7 @@ use wgpu::{LoadOp, Operations, RenderPassColorAttachment, RenderPassDescriptor, 
 
 use crate::{
     colors::{ShownColors, StrokeClock},
+    commands::GpuCommands,
     mask::RenderMasks,
     reports::Reports,
     scene::{GaussianSceneError, GpuScenes, RenderClouds, SceneRefused},
@@ -27,14 +27,6 @@ use super::{
     pipelines::{Ready, SplatPipelines},
     view::{SplatViews, ViewSplats, Whole},
 };
-
-/// Access to the GPU while encoding a view.
-struct Gpu<'a> {
-    device: &'a wgpu::Device,
-    queue: &'a wgpu::Queue,
-    encoder: &'a mut wgpu::CommandEncoder,
-    diagnostics: Option<&'a DiagnosticsRecorder>,
-}
 
 /// Projects and sorts a view's splats, and with them those of the other eye, if there is one.
 #[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
@@ -50,10 +42,8 @@ pub(super) fn sort_splats(
     lights: Lights,
     atmospheres: Atmospheres,
     fades: Res<CloudFades>,
-    device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
     reports: Res<Reports<SceneRefused>>,
-    mut context: RenderContext,
+    mut gpu: GpuCommands,
 ) {
     let key = view.into_inner().retained_view_entity;
     // Nothing to draw here is not an error: splats, pipelines or the table are still on their way.
@@ -86,13 +76,6 @@ pub(super) fn sort_splats(
             other.buffers.set_faded(fades.of(&entities));
             other.buffers.set_light(lights.of(&pair.other, &entities, &atmospheres));
         }
-        let diagnostics = context.diagnostic_recorder();
-        let mut gpu = Gpu {
-            device: device.wgpu_device(),
-            queue: &queue,
-            encoder: context.command_encoder(),
-            diagnostics: diagnostics.as_deref(),
-        };
         let beside = other.as_mut().map(|(pair, other)| (*pair, other));
         match sort(&mut gpu, &ready, splats, beside, &camera, &seen, &plan.settings) {
             Err(error) => refuse(splats, &reports, &error.to_string()),
@@ -110,21 +93,12 @@ pub(super) fn draw_splats(
     view: ViewQuery<(&ExtractedView, &ViewTarget, &ViewDepthTexture)>,
     mut views: ResMut<SplatViews>,
     pipelines: Res<SplatPipelines>,
-    device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
-    mut context: RenderContext,
+    mut gpu: GpuCommands,
 ) {
     let (extracted, target, depth) = view.into_inner();
     let Some(splats) = views.get_mut(&extracted.retained_view_entity) else { return };
     let (Some(plan), Some(camera)) = (splats.plan, splats.camera.clone()) else { return };
     let Some(ready) = pipelines.get(plan.composite) else { return };
-    let diagnostics = context.diagnostic_recorder();
-    let mut gpu = Gpu {
-        device: device.wgpu_device(),
-        queue: &queue,
-        encoder: context.command_encoder(),
-        diagnostics: diagnostics.as_deref(),
-    };
     draw_layer(&mut gpu, &ready, splats, &camera, depth);
     if !plan.after_tonemapping {
         composite(&mut gpu, &ready, splats, target.get_color_attachment());
@@ -133,7 +107,7 @@ pub(super) fn draw_splats(
 
 /// Projects and sorts one view's splats, or those of two eyes.
 fn sort(
-    gpu: &mut Gpu,
+    gpu: &mut GpuCommands,
     ready: &Ready,
     splats: &mut ViewSplats,
     other: Option<(Pair, &mut ViewSplats)>,
@@ -145,11 +119,10 @@ fn sort(
     if std::mem::take(&mut splats.is_sorted) {
         return Ok(());
     }
-    let span = gpu.diagnostics.time_span(gpu.encoder, splats.span("splat_project_and_sort"));
     let pass = &ready.passes.splat;
-    let Gpu { device, queue, encoder, .. } = gpu;
-    let sorted = match other.and_then(|(pair, other)| Some((pair, other.camera.clone()?, other))) {
-        None => pass.project_and_sort(device, queue, encoder, &mut splats.buffers, camera, seen, settings),
+    let other = other.and_then(|(pair, other)| Some((pair, other.camera.clone()?, other)));
+    gpu.timed(splats.span("splat_project_and_sort"), |gpu| match other {
+        None => pass.project_and_sort(gpu, &mut splats.buffers, camera, seen, settings),
         Some((pair, beside, other)) => {
             other.is_sorted = true;
             let (mut views, mut cameras) = ([&mut splats.buffers, &mut other.buffers], [camera, &beside]);
@@ -157,12 +130,9 @@ fn sort(
                 views.reverse();
                 cameras.reverse();
             }
-            pass.project_and_sort_eyes(device, queue, encoder, views, cameras, seen, settings)
+            pass.project_and_sort_eyes(gpu, views, cameras, seen, settings)
         }
-    };
-    // The span is ended before an early return: one that is left open would be logged as an error.
-    span.end(gpu.encoder);
-    sorted
+    })
 }
 
 /// Reports why the view shows no splats, unless it did so before.
@@ -180,7 +150,7 @@ fn refuse(splats: &mut ViewSplats, reports: &Reports<SceneRefused>, reason: &str
 
 /// Blends splats in the view's layer.
 fn draw_layer(
-    gpu: &mut Gpu,
+    gpu: &mut GpuCommands,
     ready: &Ready,
     splats: &mut ViewSplats,
     camera: &splat::Camera,
@@ -188,42 +158,38 @@ fn draw_layer(
 ) {
     let name = splats.span("splat_draw");
     let Some((layer, buffers)) = splats.layer_and_buffers() else { return };
-    let span = gpu.diagnostics.time_span(gpu.encoder, name);
     let (pass, depth) = (&ready.passes.splat, depth.view());
-    let Gpu { device, queue, encoder, .. } = gpu;
-    match (&layer.whole, &layer.half) {
+    gpu.timed(name, |gpu| match (&layer.whole, &layer.half) {
         (Whole::Single(color, _), None) => {
             let layer = splat::Layer { color, depth: Some(depth) };
-            pass.draw_layer(device, queue, encoder, buffers, &layer, ready.draw);
+            pass.draw_layer(gpu, buffers, &layer, ready.draw);
         }
         (Whole::Single(color, _), Some(half)) => {
             let target = (half, color, &**depth);
-            pass.draw_half_layer(device, queue, encoder, buffers, camera, target, ready.draw);
+            pass.draw_half_layer(gpu, buffers, camera, target, ready.draw);
         }
         (Whole::Edges(layers), None) => {
             let target = (&**layers, &**depth);
-            pass.draw_edge_layers(device, queue, encoder, buffers, camera, target, ready.draw);
+            pass.draw_edge_layers(gpu, buffers, camera, target, ready.draw);
         }
         (Whole::Edges(layers), Some(half)) => {
             let target = (half, &**layers, &**depth);
-            pass.draw_half_edge_layers(device, queue, encoder, buffers, camera, target, ready.draw);
+            pass.draw_half_edge_layers(gpu, buffers, camera, target, ready.draw);
         }
-    }
-    span.end(gpu.encoder);
+    });
 }
 
 /// Composites the view's layer over an image.
-fn composite(gpu: &mut Gpu, ready: &Ready, splats: &ViewSplats, image: RenderPassColorAttachment) {
+fn composite(gpu: &mut GpuCommands, ready: &Ready, splats: &ViewSplats, image: RenderPassColorAttachment) {
     let (Some((_, input)), Some(plan)) = (splats.layer(), splats.plan) else { return };
-    let span = gpu.diagnostics.time_span(gpu.encoder, splats.span("splat_composite"));
-    let mut pass = gpu.encoder.begin_render_pass(&RenderPassDescriptor {
-        label: Some("splat_composite"),
-        color_attachments: &[Some(image)],
-        ..default()
+    gpu.timed(splats.span("splat_composite"), |gpu| {
+        let mut pass = gpu.encoder.begin_render_pass(&RenderPassDescriptor {
+            label: Some("splat_composite"),
+            color_attachments: &[Some(image)],
+            ..default()
+        });
+        ready.passes.composite.draw(&mut pass, ready.composite, input, plan.viewport);
     });
-    ready.passes.composite.draw(&mut pass, ready.composite, input, plan.viewport);
-    drop(pass);
-    span.end(gpu.encoder);
 }
 
 /// Lifts what is exactly black before tonemapping, by less than a screen shows, in views whose layer comes
@@ -268,20 +234,11 @@ pub(super) fn composite_after_tonemapping(
     view: ViewQuery<(&ExtractedView, &mut ViewTarget)>,
     views: Res<SplatViews>,
     pipelines: Res<SplatPipelines>,
-    device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
-    mut context: RenderContext,
+    mut gpu: GpuCommands,
 ) {
     let (extracted, target) = view.into_inner();
     let Some(splats) = views.get(&extracted.retained_view_entity) else { return };
     let Some(plan) = splats.plan.filter(|plan| plan.after_tonemapping) else { return };
     let Some(ready) = pipelines.get(plan.composite) else { return };
-    let diagnostics = context.diagnostic_recorder();
-    let mut gpu = Gpu {
-        device: device.wgpu_device(),
-        queue: &queue,
-        encoder: context.command_encoder(),
-        diagnostics: diagnostics.as_deref(),
-    };
     composite(&mut gpu, &ready, splats, resolved(&target));
 }

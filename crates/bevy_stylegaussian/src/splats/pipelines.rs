@@ -183,7 +183,7 @@ impl SplatPipelines {
                 entry.insert(Background::start(synchronous, move || {
                     let mut encoder =
                         device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-                    let table = InverseTable::new(&device, &mut encoder, curve.borrow());
+                    let table = InverseTable::new(&device, &mut encoder, &curve);
                     // An encoder of its own: a task has no access to the frame's. wgpu orders submissions, so a
                     // later frame sees the table.
                     queue.submit([encoder.finish()]);
@@ -235,39 +235,18 @@ pub(super) struct Luts<'w> {
     images: Res<'w, RenderAssets<GpuImage>>,
 }
 
-/// A tonemapping to invert, with its table if it is defined by one.
-struct Curve {
-    tonemapping: Tonemapping,
-    table: Option<wgpu::TextureView>,
-}
-
 impl Luts<'_> {
     /// A tonemapping to invert, or `None` while its table is not on the GPU.
-    fn curve(&self, tonemapping: Tonemapping) -> Option<Curve> {
-        let handle = match tonemapping {
-            Tonemapping::AgX => Some(&self.handles.agx),
-            Tonemapping::TonyMcMapface => Some(&self.handles.tony_mc_mapface),
-            Tonemapping::BlenderFilmic => Some(&self.handles.blender_filmic),
-            _ => None,
-        };
+    fn curve(&self, tonemapping: Tonemapping) -> Option<ToneCurve> {
         // Bevy loads its tables like any image, so one may be missing in the first frames.
-        let table = match handle {
-            Some(handle) => Some((*self.images.get(handle)?.texture_view).clone()),
-            None => None,
-        };
-        Some(Curve { tonemapping, table })
-    }
-}
-
-impl Curve {
-    fn borrow(&self) -> ToneCurve<'_> {
-        match (self.tonemapping, &self.table) {
-            (Tonemapping::AgX, Some(table)) => ToneCurve::AgX(table),
-            (Tonemapping::TonyMcMapface, Some(table)) => ToneCurve::TonyMcMapface(table),
-            (Tonemapping::BlenderFilmic, Some(table)) => ToneCurve::BlenderFilmic(table),
-            (Tonemapping::KhronosPbrNeutral, _) => ToneCurve::KhronosPbrNeutral,
-            (Tonemapping::SomewhatBoringDisplayTransform, _) => ToneCurve::SomewhatBoringDisplayTransform,
+        let table = |handle| Some((*self.images.get(handle)?.texture_view).clone());
+        Some(match tonemapping {
+            Tonemapping::AgX => ToneCurve::AgX(table(&self.handles.agx)?),
+            Tonemapping::TonyMcMapface => ToneCurve::TonyMcMapface(table(&self.handles.tony_mc_mapface)?),
+            Tonemapping::BlenderFilmic => ToneCurve::BlenderFilmic(table(&self.handles.blender_filmic)?),
+            Tonemapping::KhronosPbrNeutral => ToneCurve::KhronosPbrNeutral,
+            Tonemapping::SomewhatBoringDisplayTransform => ToneCurve::SomewhatBoringDisplayTransform,
             _ => ToneCurve::AcesFitted,
-        }
+        })
     }
 }

@@ -70,7 +70,11 @@ pub(crate) use make::{
 };
 #[cfg(feature = "meshes")]
 pub(crate) use {
-    make::{brushwork::Brushwork, inputs::Inputs as StyleInputs},
+    make::{
+        brushwork::Brushwork,
+        inputs::Inputs as StyleInputs,
+        later::{Failure, settled},
+    },
     wish::event::StyleEvents,
 };
 

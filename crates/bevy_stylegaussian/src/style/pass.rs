@@ -5,14 +5,7 @@ use std::{
     time::Duration,
 };
 
-use bevy::{
-    platform::time::Instant,
-    prelude::*,
-    render::{
-        diagnostic::{DiagnosticsRecorder, RecordDiagnostics},
-        renderer::{RenderAdapterInfo, RenderContext, RenderDevice, RenderQueue},
-    },
-};
+use bevy::{platform::time::Instant, prelude::*, render::renderer::RenderAdapterInfo};
 use stylegaussian_gpu::{
     colors::GaussianColors,
     device::is_software,
@@ -21,6 +14,7 @@ use stylegaussian_gpu::{
 
 use crate::{
     colors::{ColorSource, FoldedStyle, ShownColors, StyleColors},
+    commands::GpuCommands,
     style::wish::settings::StyleBudget,
     work::{Background, SynchronousCompilation},
 };
@@ -68,25 +62,14 @@ struct UnderWay {
     progress: StyleProgress,
 }
 
-/// Access to the GPU while encoding.
-struct Gpu<'a> {
-    device: &'a wgpu::Device,
-    queue: &'a wgpu::Queue,
-    encoder: &'a mut wgpu::CommandEncoder,
-    diagnostics: Option<&'a DiagnosticsRecorder>,
-}
-
 /// Decodes the folded styles that are wanted. Does nothing if nothing changed.
-#[expect(clippy::too_many_arguments, reason = "the parameters of a system")]
 pub(crate) fn decode_styles(
     mut colors: ResMut<ShownColors>,
     mut passes: ResMut<StylePasses>,
     synchronous: Res<SynchronousCompilation>,
-    device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
     budget: Res<StyleBudget>,
     adapter: Res<RenderAdapterInfo>,
-    mut context: RenderContext,
+    mut gpu: GpuCommands,
 ) {
     // Before the early return: memory is released in frames in which nothing changes.
     passes.release_scratch();
@@ -94,22 +77,18 @@ pub(crate) fn decode_styles(
     if passes.settled && !colors.is_changed() {
         return;
     }
-    let device = device.wgpu_device();
     // Before anything is encoded, so that a style that nobody wants any more does not hold up its scene.
     passes.forget_unwanted();
     // The app may change its budget at any time, so each frame gets the present one.
-    passes.begin_frame(device, &queue, &adapter, budget.ms_per_frame);
+    passes.begin_frame(gpu.device(), &gpu.queue, &adapter, budget.ms_per_frame);
     passes.settled = true;
-    let diagnostics = context.diagnostic_recorder();
     for (style, target) in colors.to_decode() {
         let ColorSource::Folded(folded) = &style.source else { continue };
-        let Some(pass) = passes.pass(*synchronous, device) else {
+        let Some(pass) = passes.pass(*synchronous, gpu.device()) else {
             // Without pipelines there is nothing to do for the other styles either.
             passes.settled = false;
             return;
         };
-        let encoder = context.command_encoder();
-        let mut gpu = Gpu { device, queue: &queue, encoder, diagnostics: diagnostics.as_deref() };
         match passes.advance(&pass, &mut gpu, &style, folded, &target) {
             Ok(is_complete) => {
                 passes.ran(is_complete);
@@ -151,7 +130,7 @@ impl StylePasses {
     fn advance(
         &mut self,
         pass: &StylePass,
-        gpu: &mut Gpu,
+        gpu: &mut GpuCommands,
         style: &Arc<StyleColors>,
         folded: &FoldedStyle,
         target: &GaussianColors,
@@ -163,7 +142,7 @@ impl StylePasses {
         let index = match self.scenes.iter().position(|scene| is_same(&scene.inputs, inputs)) {
             Some(index) => index,
             None => {
-                let scene = StyleScene::upload(gpu.device, gpu.queue, inputs).map_err(text)?;
+                let scene = StyleScene::upload(gpu.device(), &gpu.queue, inputs).map_err(text)?;
                 self.scenes.push(StyledScene { inputs: Arc::downgrade(inputs), scene, under_way: None });
                 self.scenes.len() - 1
             }
@@ -180,16 +159,14 @@ impl StylePasses {
             None => UnderWay {
                 style: Arc::clone(style),
                 target: target.clone(),
-                weights: GpuDecoder::new(gpu.device, gpu.queue, &folded.layers).map_err(text)?,
+                weights: GpuDecoder::new(gpu.device(), &gpu.queue, &folded.layers).map_err(text)?,
                 progress: StyleProgress::default(),
             },
         };
         let UnderWay { weights, progress, target, .. } = &mut under_way;
-        let span = gpu.diagnostics.time_span(gpu.encoder, "style_pass");
-        let encoded =
-            pass.encode_some(gpu.device, gpu.encoder, &styled.scene, weights, target, progress, meter);
-        // Ended before an early return: a span that is left open would be logged as an error.
-        span.end(gpu.encoder);
+        let encoded = gpu.timed("style_pass", |gpu| {
+            pass.encode_some(gpu.device, gpu.encoder, &styled.scene, weights, target, progress, meter)
+        });
         encoded.map_err(text)?;
         if progress.is_done() {
             return Ok(true);

@@ -41,11 +41,14 @@ fn dimmed(c: Vec3) -> Vec3 {
     c.min(Vec3::splat(KNEE)) + above / (1.0 + bend * above)
 }
 
-fn linear_from_srgb(c: f32) -> f32 {
+/// Linear from display-referred, by the sRGB transfer function (IEC 61966-2-1), which its straight part
+/// continues below 0 and its curve above 1.
+pub fn linear_from_srgb(c: f32) -> f32 {
     if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
-fn srgb_from_linear(c: f32) -> f32 {
+/// Display-referred from linear: the inverse of [`linear_from_srgb`].
+pub fn srgb_from_linear(c: f32) -> f32 {
     if c <= 0.0031308 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
 }
 

@@ -155,3 +155,13 @@ fn lamps_reach_as_far_as_their_light() {
     let biased = ShadowLamp { depth_bias: 0.3, normal_bias: 0.05, ..spot };
     check(biased.reach(Vec3::ZERO), window, 0.1 / 3.5);
 }
+
+#[test]
+fn the_srgb_curve_has_its_values_and_its_inverse() {
+    // 0.5 is 188/255 on a display, give or take; 1 stays 1.
+    assert!((srgb_from_linear(0.5) - 0.735_357).abs() < 1e-6);
+    assert!((srgb_from_linear(1.0) - 1.0).abs() < 1e-6);
+    for linear in [-0.5, 0.0, 0.001, 0.01, 0.2, 0.9, 1.5] {
+        assert!((linear_from_srgb(srgb_from_linear(linear)) - linear).abs() < 2e-6, "{linear}");
+    }
+}

@@ -18,26 +18,26 @@ use crate::{
 
 /// Factor of the finest band, which overlapping Gaussians blur most. Above this, canvas weave and JPEG grain
 /// become beads.
-pub(super) const FINEST: f32 = 1.3;
+pub const FINEST: f32 = 1.3;
 
 /// Share of a painting's large shapes in wide detail.
-pub(super) const LOCAL: f32 = 0.3;
+pub const LOCAL: f32 = 0.3;
 
 /// Standard deviation over which local energy is measured, in pixels.
 pub(super) const AROUND: f32 = 10.0;
 
 /// Exponent that weakens strong places of a painting and strengthens faint ones. At twice as much, ink and
 /// watercolor lose their paint.
-pub(super) const WHITEN: f32 = 0.3;
+pub const WHITEN: f32 = 0.3;
 
 /// Range of the resulting factors.
-pub(super) const WHITENED: (f32, f32) = (0.35, 1.5);
+pub const WHITENED: (f32, f32) = (0.35, 1.5);
 
 /// Added to local energy, as a share of the mean, so that flat places are not amplified.
-pub(super) const FLOOR: f32 = 0.06;
+pub const FLOOR: f32 = 0.06;
 
 /// Least mean energy, at which a painting is flat.
-pub(super) const LEAST_TYPICAL: f32 = 1e-6;
+pub const LEAST_TYPICAL: f32 = 1e-6;
 
 /// Stride over the pixels of the painting without its detail, from which its moments are taken.
 const STRIDE: usize = 3;

@@ -21,7 +21,7 @@ use crate::{
     palette::LUMINANCE,
     recolor::Recoloring,
     scene::Scene,
-    strokes::{FINE_SIDE, MAX_TEXTURES, PlainSeed, StrokeSeed, StrokeTexture, StrokeWord, Strokes, mixed_by},
+    strokes::{FINE_SIDE, MAX_TEXTURES, PlainSeed, StrokeSeed, StrokeTexture, StrokeWord, Strokes},
     work::{Canceled, Work},
 };
 
@@ -239,18 +239,7 @@ impl Painted {
             *color = std::array::from_fn(|c| color[c] + share * (above[c] - color[c]));
         }
         self.fine_energy += f64::from(share) * (above.fine_energy - self.fine_energy);
-        let first_seed = self.strokes.seeds.len() as u32;
-        let first_texture = self.strokes.textures.len();
-        for (word, above) in self.strokes.words.iter_mut().zip(&above.strokes.words) {
-            let above = StrokeWord::unpacked(*above);
-            let number = number(above.seed);
-            let above = StrokeWord { seed: above.seed + first_seed, ..above };
-            *word = mixed_by(number, StrokeWord::unpacked(*word), above, share).packed();
-        }
-        let with_texture =
-            |seed: &StrokeSeed| seed.with_texture((usize::from(seed.plain().texture) + first_texture) as u8);
-        self.strokes.seeds.extend(above.strokes.seeds.iter().map(with_texture));
-        self.strokes.textures.extend(above.strokes.textures);
+        self.strokes.mix_by(&above.strokes, share, number);
     }
 
     /// Keeps a share of the base colors.
@@ -258,10 +247,7 @@ impl Painted {
         for (color, base) in self.colors.iter_mut().zip(base) {
             *color = std::array::from_fn(|c| color[c] + kept * (base[c] - color[c]));
         }
-        for word in &mut self.strokes.words {
-            let of = StrokeWord::unpacked(*word);
-            *word = StrokeWord { share: (1.0 - kept) * of.share, ..of }.packed();
-        }
+        self.strokes.fade(1.0 - kept);
     }
 
     /// One color per Gaussian `[N]` that includes the strokes, if there are any: their mean over its footprint.

@@ -10,10 +10,11 @@ use crate::palette::LUMINANCE;
 pub(super) const BLURS: [f32; N_COPIES] = [0.0, 1.0, 2.0, 4.0, 8.0, 24.0];
 
 /// Copies of a picture.
-pub(super) const N_COPIES: usize = 6;
+pub const N_COPIES: usize = 6;
 
-/// Sides of the copies, as shares of the picture's. A deviation has at least two pixels, so little is lost.
-pub(super) const SHRUNK: [f32; N_COPIES] = [1.0, 1.0, 1.0, 0.5, 0.25, 0.125];
+/// Sides of the blurred copies, as shares of the picture's. A deviation has at least two pixels, so little is
+/// lost.
+pub const SHRUNK: [f32; N_COPIES] = [1.0, 1.0, 1.0, 0.5, 0.25, 0.125];
 
 /// RGB values, 0..1.
 #[derive(Clone)]
@@ -62,9 +63,9 @@ impl Copies {
     }
 }
 
-/// How each copy is made from the one before it, from the second on: whether that is halved first, and the
-/// standard deviation of the blur, in pixels of the copy.
-pub(super) fn copy_steps() -> [(bool, f32); N_COPIES - 1] {
+/// How each blurred copy is made from the one before it, from the second on: whether that is halved first, and
+/// the standard deviation of the blur, in pixels of the copy. The first copy is the picture itself.
+pub fn copy_steps() -> [(bool, f32); N_COPIES - 1] {
     std::array::from_fn(|i| {
         // Variances add up, so each copy is made by a smaller blur than its own.
         let mut variance = BLURS[i + 1] * BLURS[i + 1] - BLURS[i] * BLURS[i];
@@ -86,8 +87,8 @@ pub(super) fn softening(step: Vec2) -> Option<f32> {
 }
 
 /// Pixels on each side that a blur of standard deviation `sigma` reads: three deviations hold 99.7% of it.
-pub(super) fn reach(sigma: f32) -> usize {
-    (3.0 * sigma).ceil() as usize
+pub fn reach(sigma: f32) -> u32 {
+    (3.0 * sigma).ceil() as u32
 }
 
 /// `at` folded into 0..=size, as in a mirror at each end.

@@ -8,54 +8,23 @@ use std::sync::Arc;
 
 use glam::Vec2;
 
-use super::{
-    canvas, detail,
-    painting::Paint,
-    picture::{self, N_COPIES},
-};
+use super::{canvas, detail, painting::Paint, picture};
 use crate::strokes::StrokeTexture;
 
-/// Factor of the finest band.
-pub const FINEST: f32 = detail::FINEST;
-
-/// Share of large shapes in wide detail.
-pub const LOCAL: f32 = detail::LOCAL;
-
-/// Exponent that weakens strong places and strengthens faint ones.
-pub const WHITEN: f32 = detail::WHITEN;
-
-/// Range of the resulting factors.
-pub const WHITENED: (f32, f32) = detail::WHITENED;
-
-/// Added to local energy, as a share of the mean.
-pub const FLOOR: f32 = detail::FLOOR;
-
-/// Least mean energy.
-pub const LEAST_TYPICAL: f32 = detail::LEAST_TYPICAL;
-
-/// Sides of the blurred copies, as shares of the picture's.
-pub const SHRUNK: [f32; N_COPIES] = picture::SHRUNK;
+pub use super::{
+    detail::{FINEST, FLOOR, LEAST_TYPICAL, LOCAL, WHITEN, WHITENED},
+    picture::{SHRUNK, copy_steps, reach},
+};
 
 /// Standard deviation over which local energy is measured, in pixels of the picture of energies, which is a
 /// quarter as large.
 pub const AROUND: f32 = detail::AROUND / 4.0;
-
-/// How each blurred copy is made from the one before it, from the second on: whether that is halved first, and
-/// the standard deviation of the blur, in pixels of the copy. The first copy is the picture itself.
-pub fn copy_steps() -> [(bool, f32); N_COPIES - 1] {
-    picture::copy_steps()
-}
 
 /// The standard deviation by which a picture of `from` pixels is blurred before it is read at `to` pixels, or
 /// `None` if it need not be.
 pub fn softening(from: [u32; 2], to: [u32; 2]) -> Option<f32> {
     let size = |[width, height]: [u32; 2]| Vec2::new(width as f32, height as f32);
     picture::softening(size(from) / size(to))
-}
-
-/// Pixels on each side that a blur of standard deviation `sigma` reads.
-pub fn reach(sigma: f32) -> u32 {
-    picture::reach(sigma) as u32
 }
 
 /// An image of `width` x `height` pixels as a painting: display-referred RGB and alpha, not premultiplied

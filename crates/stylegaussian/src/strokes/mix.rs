@@ -41,7 +41,7 @@ pub fn mixed(below: StrokeWord, above: StrokeWord, share: f32) -> StrokeWord {
 }
 
 /// As [`mixed`], where `number` decides when the spot changes.
-pub(crate) fn mixed_by(number: u32, below: StrokeWord, above: StrokeWord, share: f32) -> StrokeWord {
+fn mixed_by(number: u32, below: StrokeWord, above: StrokeWord, share: f32) -> StrokeWord {
     if above.share <= 0.0 {
         return StrokeWord { share: below.share * (1.0 - share), ..below };
     }
@@ -74,23 +74,31 @@ impl Strokes {
             self.words = vec![StrokeWord::NONE.packed(); above.words.len()];
         }
         assert!(above.words.is_empty() || above.words.len() == self.words.len(), "one word per Gaussian");
-        let (first_seed, first_texture) = (self.seeds.len(), self.textures.len());
-        let has_room = first_seed + above.seeds.len() <= MAX_SEEDS
-            && first_texture + above.textures.len() <= MAX_TEXTURES;
-        for (i, word) in self.words.iter_mut().enumerate() {
-            let above = above.words.get(i).filter(|_| has_room).map_or(StrokeWord::NONE, |word| {
-                let of = StrokeWord::unpacked(*word);
-                StrokeWord { seed: of.seed + first_seed as u32, ..of }
-            });
-            *word = mixed(StrokeWord::unpacked(*word), above, share).packed();
+        let first_seed = self.seeds.len() as u32;
+        if self.seeds.len() + above.seeds.len() <= MAX_SEEDS
+            && self.textures.len() + above.textures.len() <= MAX_TEXTURES
+            && !above.words.is_empty()
+        {
+            self.mix_by(above, share, |seed| seed + first_seed);
+        } else {
+            self.fade(1.0 - share);
         }
-        if has_room {
-            let with_texture = |seed: &StrokeSeed| {
-                seed.with_texture((usize::from(seed.plain().texture) + first_texture) as u8)
-            };
-            self.seeds.extend(above.seeds.iter().map(with_texture));
-            self.textures.extend_from_slice(&above.textures);
+    }
+
+    /// As [`mix`](Self::mix), whatever room a table has. The `number` of each of the seeds above decides when
+    /// its spots change.
+    pub(crate) fn mix_by(&mut self, above: &Self, share: f32, number: impl Fn(u32) -> u32) {
+        let (first_seed, first_texture) = (self.seeds.len() as u32, self.textures.len());
+        for (word, above) in self.words.iter_mut().zip(&above.words) {
+            let above = StrokeWord::unpacked(*above);
+            let number = number(above.seed);
+            let above = StrokeWord { seed: above.seed + first_seed, ..above };
+            *word = mixed_by(number, StrokeWord::unpacked(*word), above, share).packed();
         }
+        let with_texture =
+            |seed: &StrokeSeed| seed.with_texture((usize::from(seed.plain().texture) + first_texture) as u8);
+        self.seeds.extend(above.seeds.iter().map(with_texture));
+        self.textures.extend_from_slice(&above.textures);
     }
 
     /// Multiplies the share of strokes that are shown.

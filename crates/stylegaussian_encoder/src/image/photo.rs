@@ -42,13 +42,7 @@ pub(super) fn turn(
 
 /// Whether the orientation swaps rows and columns.
 fn is_on_its_side(orientation: Orientation) -> bool {
-    matches!(
-        orientation,
-        Orientation::Rotate90
-            | Orientation::Rotate270
-            | Orientation::Rotate90FlipH
-            | Orientation::Rotate270FlipH
-    )
+    matches!(orientation.to_exif(), 5..=8)
 }
 
 /// Whether a photo is the camera's picture, perhaps at another size: sides of scaled pictures are rounded to

@@ -12,17 +12,9 @@ use stylegaussian::work::{Canceled, Work};
 /// Pixels that are shrunk or converted between two looks at whether they are still wanted: 3 MiB as f32 RGB.
 pub(super) const BAND: usize = 1 << 18;
 
-/// A filter. Where an image shrinks, it covers as many old pixels more.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Filter {
-    /// Lanczos of 3 lobes.
-    Lanczos3,
-    /// A triangle over two pixels.
-    Triangle,
-}
-
 /// Pixels, or an opacity for each, as f32 `[height, width, channels of P]`, at another size (width, height).
-/// Neither has a side of 0. Values beyond those of the image may appear at edges.
+/// Neither has a side of 0. Where an image shrinks, the filter covers as many old pixels more. Values beyond
+/// those of the image may appear at edges.
 ///
 /// # Errors
 /// If `work` is canceled.
@@ -30,13 +22,9 @@ pub(super) fn resized<P: PixelTrait<Component = f32>>(
     values: &[f32],
     [width, height]: [u32; 2],
     to: [u32; 2],
-    filter: Filter,
+    filter: FilterType,
     work: &Work,
 ) -> Result<Vec<f32>, Canceled> {
-    let filter = match filter {
-        Filter::Lanczos3 => FilterType::Lanczos3,
-        Filter::Triangle => FilterType::Bilinear,
-    };
     let options = ResizeOptions::new().resize_alg(ResizeAlg::Convolution(filter)).use_alpha(false);
     let ratio = f64::from(height) / f64::from(to[1]);
     let n_rows = ((BAND as f64 / (f64::from(width) * ratio)) as usize).clamp(1, to[1] as usize);
@@ -62,10 +50,7 @@ pub(super) fn resized<P: PixelTrait<Component = f32>>(
 #[cfg(test)]
 mod tests {
     use fast_image_resize::pixels::F32x3;
-    use image::{
-        ImageBuffer, Rgb,
-        imageops::{self, FilterType},
-    };
+    use image::{ImageBuffer, Rgb, imageops};
     use stylegaussian::random::Random;
 
     use super::*;
@@ -83,9 +68,10 @@ mod tests {
         ] {
             let values: Vec<f32> = (0..3 * width * height).map(|_| random.uniform()).collect();
             let whole = ImageBuffer::<Rgb<f32>, Vec<f32>>::from_raw(width, height, values.clone()).unwrap();
-            for (filter, other) in
-                [(Filter::Lanczos3, FilterType::Lanczos3), (Filter::Triangle, FilterType::Triangle)]
-            {
+            for (filter, other) in [
+                (FilterType::Lanczos3, imageops::FilterType::Lanczos3),
+                (FilterType::Bilinear, imageops::FilterType::Triangle),
+            ] {
                 let expected = imageops::resize(&whole, to[0], to[1], other).into_raw();
                 let found = resized::<F32x3>(&values, [width, height], to, filter, &Work::default()).unwrap();
                 assert_eq!(found.len(), expected.len());

@@ -1,43 +1,32 @@
 //! Accessors: typed rows of a buffer view, of which a sparse one replaces some.
 
-use std::cmp::Ordering;
-
 use serde_json::Value;
 
-use super::document::{Document, MOST_MEMORY_PER_BYTE};
+use super::{
+    document::{Document, MOST_MEMORY_PER_BYTE},
+    nodes::index as number,
+};
 use crate::error::{Mismatch, mismatch};
 
 /// Types of components that attributes may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Component {
-    I8,
-    U8,
-    I16,
-    U16,
-    F32,
+    I8 = 5120,
+    U8 = 5121,
+    I16 = 5122,
+    U16 = 5123,
+    F32 = 5126,
 }
 
 impl Component {
     fn from_code(code: u64) -> Option<Self> {
-        Some(match code {
-            5120 => Self::I8,
-            5121 => Self::U8,
-            5122 => Self::I16,
-            5123 => Self::U16,
-            5126 => Self::F32,
-            _ => return None,
-        })
+        let all = [Self::I8, Self::U8, Self::I16, Self::U16, Self::F32];
+        all.into_iter().find(|component| u64::from(component.code()) == code)
     }
 
     /// The number in glTF.
     pub fn code(self) -> u32 {
-        match self {
-            Self::I8 => 5120,
-            Self::U8 => 5121,
-            Self::I16 => 5122,
-            Self::U16 => 5123,
-            Self::F32 => 5126,
-        }
+        self as u32
     }
 
     /// Bytes of a component.
@@ -51,7 +40,7 @@ impl Component {
 }
 
 /// Rows of numbers in a buffer view. All of them lie inside of it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Accessor<'a> {
     /// The rows, or `None` if all are 0.
     bytes: Option<&'a [u8]>,
@@ -69,7 +58,6 @@ impl<'a> Accessor<'a> {
     /// Accessor `index`, which must have rows of `width` numbers. `name` is for messages.
     pub fn new(document: &'a Document, index: &Value, width: usize, name: &str) -> Result<Self, Mismatch> {
         let wrong = |found: String| mismatch(format!("{name}: {found}"), "an accessor of glTF 2.0");
-        let number = |value: &Value| value.as_u64().and_then(|number| usize::try_from(number).ok());
         let accessor = document.item("accessors", number(index).ok_or_else(|| wrong("no index".into()))?)?;
         let kind = accessor["type"].as_str().unwrap_or_default();
         let found_width = match kind {
@@ -95,7 +83,7 @@ impl<'a> Accessor<'a> {
         let Some(view) = number(&accessor["bufferView"]) else {
             // Rows of 0, by the specification. Without others among them they stand for compressed ones.
             let most = document.n_bytes().saturating_mul(MOST_MEMORY_PER_BYTE);
-            return match sparse {
+            return match plain.sparse {
                 Some(_) if count.saturating_mul(row) <= most => Ok(plain),
                 Some(_) => Err(wrong(format!("{count} rows of 0"))),
                 None => Err(wrong("no bufferView".into())),
@@ -115,7 +103,7 @@ impl<'a> Accessor<'a> {
 
     /// The bytes from the beginning of row `i` on.
     fn stored(&self, i: usize) -> &'a [u8] {
-        match (self.sparse.and_then(|sparse| sparse.row(i)), self.bytes) {
+        match (self.sparse.as_ref().and_then(|sparse| sparse.row(i)), self.bytes) {
             (Some(row), _) => row,
             (None, Some(bytes)) => &bytes[i * self.stride..],
             (None, None) => &ZEROS,
@@ -161,11 +149,9 @@ fn rows(bytes: &[u8], offset: usize, count: usize, row: usize, stride: usize) ->
 }
 
 /// Rows of an accessor that take the place of others, by their ascending indices.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Sparse<'a> {
-    indices: &'a [u8],
-    /// Bytes of an index.
-    index_bytes: usize,
+    indices: Vec<usize>,
     values: &'a [u8],
     /// Bytes of a row.
     row: usize,
@@ -181,7 +167,6 @@ impl<'a> Sparse<'a> {
         name: &str,
     ) -> Result<Self, Mismatch> {
         let wrong = |found: String| mismatch(format!("{name}: {found}"), "a sparse accessor of glTF 2.0");
-        let number = |value: &Value| value.as_u64().and_then(|number| usize::try_from(number).ok());
         let count = number(&sparse["count"]).ok_or_else(|| wrong("sparse rows without a count".into()))?;
         let index_bytes = match sparse["indices"]["componentType"].as_u64() {
             Some(5121) => 1,
@@ -200,34 +185,18 @@ impl<'a> Sparse<'a> {
             })
         };
         let (indices, values) = (part("indices", index_bytes)?, part("values", row)?);
-        let found = Self { indices, index_bytes, values, row };
-        let ascend = (1..count).all(|at| found.index(at - 1) < found.index(at));
+        let little_endian =
+            |bytes: &[u8]| bytes.iter().rev().fold(0, |index, &byte| index << 8 | usize::from(byte));
+        let indices: Vec<usize> = indices.chunks_exact(index_bytes).map(little_endian).collect();
         // The last one is the largest, then.
-        match count.checked_sub(1).map(|last| found.index(last)) {
-            Some(last) if !ascend || last >= n => {
-                Err(wrong(format!("sparse indices that do not ascend below {n}")))
-            }
-            _ => Ok(found),
+        match indices.is_sorted_by(|a, b| a < b) && indices.last().is_none_or(|&last| last < n) {
+            true => Ok(Self { indices, values, row }),
+            false => Err(wrong(format!("sparse indices that do not ascend below {n}"))),
         }
-    }
-
-    /// Index `at`.
-    fn index(&self, at: usize) -> usize {
-        let bytes = &self.indices[at * self.index_bytes..][..self.index_bytes];
-        bytes.iter().rev().fold(0, |index, &byte| index << 8 | usize::from(byte))
     }
 
     /// The row in the place of row `i`, or `None` if it stays.
     fn row(&self, i: usize) -> Option<&'a [u8]> {
-        let (mut start, mut end) = (0, self.indices.len() / self.index_bytes);
-        while start < end {
-            let middle = start.midpoint(end);
-            match self.index(middle).cmp(&i) {
-                Ordering::Less => start = middle + 1,
-                Ordering::Equal => return self.values.get(middle * self.row..),
-                Ordering::Greater => end = middle,
-            }
-        }
-        None
+        self.values.get(self.indices.binary_search(&i).ok()? * self.row..)
     }
 }

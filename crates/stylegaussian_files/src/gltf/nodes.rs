@@ -108,7 +108,8 @@ fn numbers<const N: usize>(value: &Value) -> Option<[f64; N]> {
     values?.try_into().ok()
 }
 
-fn index(value: &Value) -> Option<usize> {
+/// A number that counts something.
+pub(super) fn index(value: &Value) -> Option<usize> {
     value.as_u64().and_then(|number| usize::try_from(number).ok())
 }
 

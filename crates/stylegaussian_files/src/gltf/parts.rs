@@ -1,9 +1,11 @@
 //! From primitives to one scene: each in its places.
 
 use glam::{DAffine3, DVec3};
-use stylegaussian::{scene::Scene, work::Work};
+use stylegaussian::{
+    scene::{Scene, ScreenFilter},
+    work::Work,
+};
 
-use super::merge::merge;
 use crate::{
     distant::{Sample, offset, stride},
     error::Mismatch,
@@ -33,7 +35,14 @@ pub(super) fn placed(parts: Vec<Part>, warnings: &mut Vec<String>, work: &Work) 
         places.into_iter().try_for_each(|to| put(scene.clone(), to))?;
         put(scene, last)?;
     }
-    Ok(Scene { offset, ..merge(scenes) })
+    let is_antialiased = scenes.iter().any(|scene| scene.filter == ScreenFilter::Antialiased);
+    let has_sh = scenes.iter().any(|scene| scene.sh.is_some());
+    let mut scenes = scenes.into_iter();
+    let mut merged = scenes.next().unwrap_or_default();
+    scenes.for_each(|scene| merged.append(&scene));
+    merged.filter = if is_antialiased { ScreenFilter::Antialiased } else { ScreenFilter::Classic };
+    merged.sh = merged.sh.filter(|_| has_sh);
+    Ok(Scene { offset, ..merged })
 }
 
 /// The offset of a scene of these parts: the place of all, if there is one and the scene is near it. Positions

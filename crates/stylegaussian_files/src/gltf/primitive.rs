@@ -6,6 +6,7 @@ use glam::{DQuat, Quat, Vec3};
 use rayon::prelude::*;
 use serde_json::Value;
 use stylegaussian::{
+    light::srgb_from_linear,
     scene::{Scene, Sh},
     sh,
     work::Work,
@@ -13,8 +14,8 @@ use stylegaussian::{
 
 use super::{
     accessor::{Accessor, Component},
-    color::{display_from_linear, slope},
     document::Document,
+    nodes::index,
 };
 use crate::{
     error::{Mismatch, mismatch},
@@ -211,11 +212,10 @@ impl<'a> Splats<'a> {
         let prefix = format!("{EXTENSION}:SH_DEGREE_");
         let attributes = self.primitive["attributes"].as_object().into_iter().flatten();
         let view = |accessor: &Value| {
-            let number = |value: &Value| usize::try_from(value.as_u64()?).ok();
-            let accessor = json["accessors"].get(number(accessor)?)?;
+            let accessor = json["accessors"].get(index(accessor)?)?;
             let sparse = &accessor["sparse"];
             let of = [accessor, &sparse["indices"], &sparse["values"]];
-            Some(of.into_iter().filter_map(move |of| number(&of["bufferView"])))
+            Some(of.into_iter().filter_map(move |of| index(&of["bufferView"])))
         };
         let (harmonics, others): (Vec<_>, Vec<_>) =
             attributes.partition(|(name, _)| name.starts_with(&prefix));
@@ -280,7 +280,7 @@ impl<'a> Splats<'a> {
             return Ok(None);
         };
         warnings.push("no SH_DEGREE_0_COEF_0: colors of COLOR_0".into());
-        let color = |linear: [f32; 3]| sh::dc_from_color(linear.map(display_from_linear));
+        let color = |linear: [f32; 3]| sh::dc_from_color(linear.map(srgb_from_linear));
         let coefficients = match Accessor::new(document, index, 4, "COLOR_0") {
             Ok(rgba) => {
                 let rgba = with_rows(rgba, "COLOR_0", n)?;
@@ -328,7 +328,12 @@ fn to_display(coefficients: &mut [f32]) {
             *value *= slope(base);
         }
     }
-    coefficients[..3].copy_from_slice(&sh::dc_from_color(base.map(display_from_linear)));
+    coefficients[..3].copy_from_slice(&sh::dc_from_color(base.map(srgb_from_linear)));
+}
+
+/// The slope of [`srgb_from_linear`].
+fn slope(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { 12.92 } else { 1.055 / 2.4 * linear.powf(1.0 / 2.4 - 1.0) }
 }
 
 /// The quaternion at length 1. One that has it keeps its bits.
@@ -363,4 +368,17 @@ pub(super) fn scales_are_logarithms<'a>(
         }
     }
     Ok(false)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_slope_is_that_of_the_curve() {
+        for linear in [-0.5, 0.0, 0.001, 0.01, 0.2, 0.9, 1.5] {
+            let difference = srgb_from_linear(linear + 5e-4) - srgb_from_linear(linear - 5e-4);
+            assert!((difference / 1e-3 - slope(linear)).abs() < 0.02 * slope(linear), "{linear}");
+        }
+    }
 }

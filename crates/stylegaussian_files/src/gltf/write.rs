@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use serde_json::{Map, Value, json};
 use stylegaussian::{
     axes::Axes,
+    light::linear_from_srgb,
     scene::{Scene, ScreenFilter},
     sh,
 };
@@ -14,7 +15,6 @@ use stylegaussian::{
 use super::{
     accessor::Component,
     application,
-    color::linear_from_display,
     document::{BINARY_CHUNK, JSON_CHUNK, MAGIC},
     primitive::EXTENSION,
 };
@@ -205,7 +205,7 @@ fn attributes(scene: &Scene, sh_degree: u8) -> Vec<Attribute<'_>> {
     position.bounds = scene.bounds();
     let base = scene.base_colors();
     let mut color = Attribute::words("COLOR_0", n, move |i| {
-        let [r, g, b] = base[i].map(|value| linear_from_display(value.clamp(0.0, 1.0)));
+        let [r, g, b] = base[i].map(|value| linear_from_srgb(value.clamp(0.0, 1.0)));
         [r, g, b, scene.opacities[i]].map(|value| (value * 65535.0).round() as u16)
     });
     color.is_normalized = true;

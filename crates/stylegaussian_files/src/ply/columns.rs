@@ -241,11 +241,9 @@ pub(super) fn read_columns<'a>(
             })?;
             walk(header, Ascii { words: text.split_ascii_whitespace() }, wanted, names, &fields, work)
         }
-        Encoding::BinaryLittleEndian => {
-            walk(header, Binary::<false> { bytes: payload }, wanted, names, &fields, work)
-        }
-        Encoding::BinaryBigEndian => {
-            walk(header, Binary::<true> { bytes: payload }, wanted, names, &fields, work)
+        encoding @ (Encoding::BinaryLittleEndian | Encoding::BinaryBigEndian) => {
+            let is_big_endian = encoding == Encoding::BinaryBigEndian;
+            walk(header, Binary { bytes: payload, is_big_endian }, wanted, names, &fields, work)
         }
     }?;
     Ok(Rows {
@@ -350,19 +348,18 @@ pub(super) fn check_end(header: &Header, file: &[u8], work: &Work) -> Result<(),
 /// The number of bytes after the last row, 0 if they are white space. `None` if rows are broken, which is an
 /// error of its own where they matter.
 fn bytes_after(header: &Header, payload: &[u8], work: &Work) -> Option<usize> {
-    fn binary<const BIG_ENDIAN: bool>(header: &Header, bytes: &[u8], work: &Work) -> Option<usize> {
-        let mut source = Binary::<BIG_ENDIAN> { bytes };
-        for element in header.elements() {
-            match header.fixed_row(element) {
-                Some(size) => source.skip(&ScalarType::UChar, size.checked_mul(element.count)?).ok()?,
-                None => element_values(element, &mut source, &[], &[], work).map(drop).ok()?,
-            }
-        }
-        Some(if source.bytes.trim_ascii().is_empty() { 0 } else { source.bytes.len() })
-    }
     match header.encoding() {
-        Encoding::BinaryLittleEndian => binary::<false>(header, payload, work),
-        Encoding::BinaryBigEndian => binary::<true>(header, payload, work),
+        encoding @ (Encoding::BinaryLittleEndian | Encoding::BinaryBigEndian) => {
+            let is_big_endian = encoding == Encoding::BinaryBigEndian;
+            let mut source = Binary { bytes: payload, is_big_endian };
+            for element in header.elements() {
+                match header.fixed_row(element) {
+                    Some(size) => source.skip(&ScalarType::UChar, size.checked_mul(element.count)?).ok()?,
+                    None => element_values(element, &mut source, &[], &[], work).map(drop).ok()?,
+                }
+            }
+            Some(if source.bytes.trim_ascii().is_empty() { 0 } else { source.bytes.len() })
+        }
         Encoding::Ascii => {
             let text = std::str::from_utf8(payload).ok()?;
             let mut source = Ascii { words: text.split_ascii_whitespace() };

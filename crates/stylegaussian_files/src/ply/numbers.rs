@@ -55,11 +55,12 @@ impl Source for Ascii<'_> {
 }
 
 /// Packed numbers.
-pub(super) struct Binary<'a, const BIG_ENDIAN: bool> {
+pub(super) struct Binary<'a> {
     pub(super) bytes: &'a [u8],
+    pub(super) is_big_endian: bool,
 }
 
-impl<'a, const BIG_ENDIAN: bool> Binary<'a, BIG_ENDIAN> {
+impl<'a> Binary<'a> {
     fn take(&mut self, n: usize) -> Result<&'a [u8], Mismatch> {
         let (taken, rest) = self
             .bytes
@@ -68,41 +69,27 @@ impl<'a, const BIG_ENDIAN: bool> Binary<'a, BIG_ENDIAN> {
         self.bytes = rest;
         Ok(taken)
     }
-
-    /// The next `N` bytes as little endian.
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], Mismatch> {
-        let mut array = [0; N];
-        array.copy_from_slice(self.take(N)?);
-        if BIG_ENDIAN {
-            array.reverse();
-        }
-        Ok(array)
-    }
 }
 
-impl<const BIG_ENDIAN: bool> Source for Binary<'_, BIG_ENDIAN> {
+impl Source for Binary<'_> {
     #[inline]
     fn number(&mut self, scalar: &ScalarType) -> Result<f32, Mismatch> {
-        self.take(size_of_scalar(scalar)).map(|bytes| number(bytes, scalar, BIG_ENDIAN))
+        self.wide_number(scalar).map(|number| number as f32)
     }
 
+    #[inline]
     fn wide_number(&mut self, scalar: &ScalarType) -> Result<f64, Mismatch> {
-        self.take(size_of_scalar(scalar)).map(|bytes| wide_number(bytes, scalar, BIG_ENDIAN))
+        self.take(size_of_scalar(scalar)).map(|bytes| wide_number(bytes, scalar, self.is_big_endian))
     }
 
     fn length(&mut self, scalar: &ScalarType) -> Result<usize, Mismatch> {
-        let length: i64 = match scalar {
-            ScalarType::Char => i8::from_le_bytes(self.array()?).into(),
-            ScalarType::UChar => u8::from_le_bytes(self.array()?).into(),
-            ScalarType::Short => i16::from_le_bytes(self.array()?).into(),
-            ScalarType::UShort => u16::from_le_bytes(self.array()?).into(),
-            ScalarType::Int => i32::from_le_bytes(self.array()?).into(),
-            ScalarType::UInt => u32::from_le_bytes(self.array()?).into(),
-            ScalarType::Float | ScalarType::Double => {
-                return Err(mismatch("a list length that is no integer", "a count"));
-            }
-        };
-        usize::try_from(length).map_err(|_| mismatch(format_args!("list length {length}"), "a count"))
+        if matches!(scalar, ScalarType::Float | ScalarType::Double) {
+            return Err(mismatch("a list length that is no integer", "a count"));
+        }
+        match self.wide_number(scalar)? {
+            length if length < 0.0 => Err(mismatch(format_args!("list length {length}"), "a count")),
+            length => Ok(length as usize),
+        }
     }
 
     fn skip(&mut self, scalar: &ScalarType, count: usize) -> Result<(), Mismatch> {
@@ -120,26 +107,23 @@ fn array<const N: usize>(bytes: &[u8], is_big_endian: bool) -> [u8; N] {
     array
 }
 
-/// A scalar at the beginning of `bytes`, not rounded to f32.
+/// A scalar at the beginning of `bytes`, not rounded to f32. No type has numbers that f64 rounds.
+#[inline]
 pub(super) fn wide_number(bytes: &[u8], scalar: &ScalarType, is_big_endian: bool) -> f64 {
-    match scalar {
-        ScalarType::Int => i32::from_le_bytes(array(bytes, is_big_endian)).into(),
-        ScalarType::UInt => u32::from_le_bytes(array(bytes, is_big_endian)).into(),
-        ScalarType::Double => f64::from_le_bytes(array(bytes, is_big_endian)),
-        _ => number(bytes, scalar, is_big_endian).into(),
-    }
-}
-
-/// A scalar at the beginning of `bytes`.
-pub(super) fn number(bytes: &[u8], scalar: &ScalarType, is_big_endian: bool) -> f32 {
     match scalar {
         ScalarType::Char => bytes[0].cast_signed().into(),
         ScalarType::UChar => bytes[0].into(),
         ScalarType::Short => i16::from_le_bytes(array(bytes, is_big_endian)).into(),
         ScalarType::UShort => u16::from_le_bytes(array(bytes, is_big_endian)).into(),
-        ScalarType::Int => i32::from_le_bytes(array(bytes, is_big_endian)) as f32,
-        ScalarType::UInt => u32::from_le_bytes(array(bytes, is_big_endian)) as f32,
-        ScalarType::Float => f32::from_le_bytes(array(bytes, is_big_endian)),
-        ScalarType::Double => f64::from_le_bytes(array(bytes, is_big_endian)) as f32,
+        ScalarType::Int => i32::from_le_bytes(array(bytes, is_big_endian)).into(),
+        ScalarType::UInt => u32::from_le_bytes(array(bytes, is_big_endian)).into(),
+        ScalarType::Float => f32::from_le_bytes(array(bytes, is_big_endian)).into(),
+        ScalarType::Double => f64::from_le_bytes(array(bytes, is_big_endian)),
     }
+}
+
+/// A scalar at the beginning of `bytes`.
+#[inline]
+pub(super) fn number(bytes: &[u8], scalar: &ScalarType, is_big_endian: bool) -> f32 {
+    wide_number(bytes, scalar, is_big_endian) as f32
 }

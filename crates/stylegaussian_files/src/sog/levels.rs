@@ -2,7 +2,7 @@
 
 use std::{cmp::Reverse, collections::BTreeMap, ops::Range};
 
-use crate::world::{Node, Run, World};
+use crate::world::{Node, Run, World, by_file};
 
 /// The runs that were chosen of each chunk, ascending and without overlap, by the chunk's position in
 /// [`World::files`].
@@ -16,12 +16,7 @@ pub(super) fn choose(world: &World, budget: Option<usize>, warnings: &mut Vec<St
         None => world.nodes.iter().filter_map(|node| runs(node).next()).map(|(_, run)| run).collect(),
         Some(budget) => within(&world.nodes, budget, warnings),
     };
-    let mut chosen = Chosen::new();
-    for run in runs.into_iter().filter(|run| !run.range.is_empty()) {
-        chosen.entry(run.file).or_default().push(run.range.clone());
-    }
-    chosen.values_mut().for_each(|ranges| ranges.sort_unstable_by_key(|range| range.start));
-    chosen
+    by_file(runs.into_iter().filter(|run| !run.range.is_empty()))
 }
 
 /// The runs of a node with their levels, the finest first.

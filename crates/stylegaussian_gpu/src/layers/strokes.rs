@@ -5,9 +5,10 @@ use std::ops::Range;
 use stylegaussian::strokes::{MAX_SEEDS, StrokeMotion};
 use stylegaussian_shaders::splat::strokes::MAX_CHANGES;
 
-use super::{Encoding, GpuLayer, LayerMixer, MixedLayers, Values, check_mask, pack};
+use super::{GpuLayer, LayerMixer, MixedLayers, Values, check_mask, pack};
 use crate::{
     buffers::TooLarge,
+    device::GpuEncoder,
     splat::GpuScene,
     strokes::{GaussianStrokes, seed_bytes},
 };
@@ -81,9 +82,7 @@ impl LayerMixer {
     /// they are those of another mix in which seeds are changed.
     pub fn encode_strokes(
         &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         scene: &GpuScene,
         layers: &[GpuLayer],
         mix: &mut StrokeMix,
@@ -95,7 +94,7 @@ impl LayerMixer {
             return Ok(());
         }
         let tables = placed(&mix.tables, wanted(&seen));
-        let (target, is_new) = match target(device, scene, std::mem::take(&mut mix.strokes), &tables) {
+        let (target, is_new) = match target(gpu.device, scene, std::mem::take(&mut mix.strokes), &tables) {
             Ok(target) => target,
             Err(error) => {
                 *mix = StrokeMix::default();
@@ -106,7 +105,7 @@ impl LayerMixer {
         for table in &tables {
             if table.n_seeds > 0 && (is_new || !mix.tables.contains(table)) {
                 let (first, bytes) = (table.first as u64 * seed_bytes(1), seed_bytes(table.n_seeds));
-                encoder.copy_buffer_to_buffer(&table.seeds, 0, target.seeds(), first, bytes);
+                gpu.encoder.copy_buffer_to_buffer(&table.seeds, 0, target.seeds(), first, bytes);
                 is_changed = true;
             }
         }
@@ -129,8 +128,7 @@ impl LayerMixer {
         // The topmost layers' first, of which some count if there are too many.
         target.set_motions(tables.iter().flat_map(Table::placed_motions).collect());
         target.set_changes(changes);
-        let gpu = Encoding { device, queue, encoder };
-        let pipelines = self.strokes_pipelines(device);
+        let pipelines = self.strokes_pipelines(gpu.device);
         is_changed |= self.encode_values(gpu, pipelines, scene, seen, target.words(), &mut mix.mixed);
         if is_changed {
             target.mark_changed();

@@ -54,7 +54,7 @@ fn on_gpu(gpu: &HeadlessDevice, scene: &Scene, layers: &[GpuLayer]) -> Vec<[f32;
     let colors = GaussianColors::new(device, scene.len()).unwrap();
     let mixer = LayerMixer::new(device);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    mixer.encode(device, queue, &mut encoder, &on_gpu, layers, &colors, &mut MixedLayers::default());
+    mixer.encode(&mut gpu.encoding(&mut encoder), &on_gpu, layers, &colors, &mut MixedLayers::default());
     queue.submit([encoder.finish()]);
     colors.read_premultiplied(device, queue).unwrap()
 }
@@ -213,7 +213,7 @@ fn a_mix_goes_on_from_the_last() {
         let version = colors.version();
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         mixer.begin_submission();
-        mixer.encode(device, queue, &mut encoder, &on_gpu, &of_gpu, &colors, &mut state);
+        mixer.encode(&mut gpu.encoding(&mut encoder), &on_gpu, &of_gpu, &colors, &mut state);
         queue.submit([encoder.finish()]);
         assert!(choice != 7 || colors.version() == version || step == 0, "nothing changed");
         let expected = layers::mix_layers(&scene.means, &of_cpu);
@@ -277,7 +277,7 @@ fn eight_volumes_take_a_tenth_of_the_splat_pass() {
         let start = std::time::Instant::now();
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         mixer.begin_submission();
-        mixer.encode(device, queue, &mut encoder, &on_gpu, &layers, &mixed, &mut state);
+        mixer.encode(&mut gpu.encoding(&mut encoder), &on_gpu, &layers, &mixed, &mut state);
         let encoded = start.elapsed().as_secs_f64();
         queue.submit([encoder.finish()]);
         device.poll(wgpu::PollType::wait_indefinitely()).unwrap();

@@ -29,7 +29,7 @@ fn complaint(device: &wgpu::Device, queue: &wgpu::Queue) -> Option<String> {
     }
     Composite::new(device);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    InverseTable::new(device, &mut encoder, ToneCurve::AcesFitted);
+    InverseTable::new(device, &mut encoder, &ToneCurve::AcesFitted);
     LayerMixer::new(device).prepare_strokes(device);
     StylePass::new(device);
     if let Some(error) = pollster::block_on(scope.pop()) {

@@ -46,6 +46,7 @@ use crate::{
         shader_module, storage_binding, stride, texture_binding, uniforms_binding,
     },
     buffers,
+    device::GpuEncoder,
     drawing::{Drawing, attachment, depth_state, set_viewport},
 };
 
@@ -287,9 +288,7 @@ impl Cast {
     /// Projects `casters` and draws their cores into the depths of `view`, unless these hold them already.
     pub(super) fn project(
         &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         view: &mut CastView,
         light: (&Camera, f32),
         casters: &[Caster],
@@ -302,42 +301,42 @@ impl Cast {
         if key.pieces.is_empty() {
             view.clear();
         } else if view.key != key {
-            self.bind(device, queue, view, key);
-            self.encode(device, encoder, view);
+            self.bind(gpu, view, key);
+            self.encode(gpu, view);
             view.n_projections += 1;
         }
         Ok(())
     }
 
     /// Uploads the uniforms of every piece of `key`, and makes what is missing for it.
-    fn bind(&self, device: &wgpu::Device, queue: &wgpu::Queue, view: &mut CastView, key: CastKey) {
+    fn bind(&self, gpu: &GpuEncoder, view: &mut CastView, key: CastKey) {
         // Sorted, because a world casts with thousands of pieces.
         let mut known: Vec<(Bound, &wgpu::BindGroup)> =
             view.key.pieces.iter().map(Piece::bound).zip(&view.groups).collect();
         known.sort_unstable_by_key(|(bound, _)| *bound);
         let group_of = |piece: &Piece| match known.binary_search_by(|(known, _)| known.cmp(&piece.bound())) {
             Ok(i) => known[i].1.clone(),
-            Err(_) => self.bind_piece(device, piece),
+            Err(_) => self.bind_piece(gpu.device, piece),
         };
         let groups: Vec<_> = key.pieces.iter().map(group_of).collect();
         view.groups = groups;
         let bytes = at_strides(key.pieces.iter().map(|piece| piece.uniforms));
         let size = bytes.len() as u64;
         if view.uniforms.as_ref().is_none_or(|(buffer, _)| buffer.size() < size) {
-            let buffer = buffers::uniforms(device, "splat_cores", size);
+            let buffer = buffers::uniforms(gpu.device, "splat_cores", size);
             let resources = [one_of::<SplatChunk>(&buffer)];
-            let group = bind_group(device, "splat_cores", &self.map_layout, &resources);
+            let group = bind_group(gpu.device, "splat_cores", &self.map_layout, &resources);
             view.uniforms = Some((buffer, group));
         }
         if let Some((buffer, _)) = &view.uniforms {
-            queue.write_buffer(buffer, 0, &bytes);
+            gpu.queue.write_buffer(buffer, 0, &bytes);
         }
         let size = key.viewport.zw();
         if view.depths.as_ref().is_none_or(|depths| depths.size != size) {
             let none = wgpu::TextureUsages::empty();
-            let texture = attachment(device, "splat_cast", size, SHADOW_FORMAT, none);
+            let texture = attachment(gpu.device, "splat_cast", size, SHADOW_FORMAT, none);
             let resources = [wgpu::BindingResource::TextureView(&texture)];
-            let group = bind_group(device, "splat_cast_write", &self.write_layout, &resources);
+            let group = bind_group(gpu.device, "splat_cast_write", &self.write_layout, &resources);
             view.depths = Some(CoreDepths { size, texture, group });
         }
         view.key = key;
@@ -359,19 +358,19 @@ impl Cast {
     }
 
     /// Finds the cores of every piece of `view`, batch by batch, and draws them into its depths.
-    fn encode(&self, device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder, view: &CastView) {
+    fn encode(&self, gpu: &mut GpuEncoder, view: &CastView) {
         let (Some((_, uniforms)), Some(depths)) = (&view.uniforms, &view.depths) else { return };
         let batches = batches(&view.key.pieces, self.batch);
         let largest = batches.iter().map(|(_, n_gaussians)| *n_gaussians).max().unwrap_or(0);
         let mut memory = self.cores.lock().unwrap_or_else(PoisonError::into_inner);
         if memory.as_ref().is_none_or(|cores| cores.capacity < largest) {
-            *memory = Some(Cores::new(device, self, largest));
+            *memory = Some(Cores::new(gpu.device, self, largest));
         }
         let Some(cores) = &*memory else { return };
         for (i, (pieces, _)) in batches.into_iter().enumerate() {
             let n_vertices = std::mem::offset_of!(CoreCommand, n_vertices) as u64;
-            encoder.clear_buffer(&cores.command, n_vertices, Some(size_of::<u32>() as u64));
-            let mut pass = compute_pass(encoder, "splat_cores");
+            gpu.encoder.clear_buffer(&cores.command, n_vertices, Some(size_of::<u32>() as u64));
+            let mut pass = compute_pass(gpu.encoder, "splat_cores");
             for of_piece in pieces {
                 let piece = &view.key.pieces[of_piece];
                 // Compiled when the piece was bound.
@@ -385,7 +384,7 @@ impl Cast {
             drop(pass);
             let load = if i == 0 { wgpu::LoadOp::Clear(0.0) } else { wgpu::LoadOp::Load };
             let depth_ops = Some(wgpu::Operations { load, store: wgpu::StoreOp::Store });
-            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            let mut pass = gpu.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("splat_cast"),
                 depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                     view: &depths.texture,

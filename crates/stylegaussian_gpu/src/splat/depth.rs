@@ -29,6 +29,7 @@ use crate::{
         shader_module, storage_binding, stride, uniform_binding, uniforms_binding,
     },
     buffers,
+    device::GpuEncoder,
     drawing::{Drawing, depth_state, set_viewport},
 };
 
@@ -117,25 +118,19 @@ impl Depth {
         self.slices.get_or_init(|| Slices::new(device, draw_layout, &self.read))
     }
 
-    fn find_in_lists(
-        &self,
-        device: &wgpu::Device,
-        encoder: &mut wgpu::CommandEncoder,
-        lists: &TileLists,
-        made: &mut Made,
-    ) {
+    fn find_in_lists(&self, gpu: &mut GpuEncoder, lists: &TileLists, made: &mut Made) {
         // Lists that overflow are not read.
-        encoder.clear_buffer(&made.depths, 0, None);
+        gpu.encoder.clear_buffer(&made.depths, 0, None);
         let buffers = lists.buffers();
         // The entries are made anew with all others of the lists.
         if made.lists.as_ref().is_none_or(|(of, _)| of != buffers[3]) {
             let resources = buffers.map(wgpu::Buffer::as_entire_binding);
-            let group = bind_group(device, "splat_tiles_depth", &self.lists, &resources);
+            let group = bind_group(gpu.device, "splat_tiles_depth", &self.lists, &resources);
             made.lists = Some((buffers[3].clone(), group));
         }
         let Some((_, group)) = &made.lists else { return };
-        let mut pass = compute_pass(encoder, "splat_tiles_depth");
-        pass.set_pipeline(self.tiles(device));
+        let mut pass = compute_pass(gpu.encoder, "splat_tiles_depth");
+        pass.set_pipeline(self.tiles(gpu.device));
         pass.set_bind_group(0, group, &[]);
         pass.set_bind_group(1, &made.write, &[0]);
         pass.dispatch_workgroups_indirect(lists.commands(), 0);
@@ -222,12 +217,9 @@ impl Depth {
     }
 
     /// Finds the iso depths of `view`: by its lists of tiles, or by quads of `draw_layout`.
-    #[expect(clippy::too_many_arguments, reason = "three of them are wgpu's own at every call")]
     pub(super) fn find(
         &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         view: &mut SplatView,
         (tiles, draw_layout): (Option<&Tiles>, &wgpu::BindGroupLayout),
         threshold: f32,
@@ -243,27 +235,27 @@ impl Depth {
         let places = (viewport, view.half_of());
         if iso.made.as_ref().is_none_or(|made| (made.viewport, made.half_of) != places) {
             iso.found = None;
-            iso.made = Made::new(device, self, viewport, view.half_of());
+            iso.made = Made::new(gpu.device, self, viewport, view.half_of());
         }
         let Some(made) = iso.made.as_mut().filter(|_| iso.found != wanted) else { return };
         iso.found = None;
-        made.set_threshold(queue, threshold);
+        made.set_threshold(gpu.queue, threshold);
         match tiles {
             Some(tiles) => {
-                let Some(lists) = view.lists(device, queue, tiles) else { return };
-                tiles.fill(encoder, lists);
-                self.find_in_lists(device, encoder, lists, made);
+                let Some(lists) = view.lists(gpu.device, gpu.queue, tiles) else { return };
+                tiles.fill(gpu.encoder, lists);
+                self.find_in_lists(gpu, lists, made);
             }
             None => {
-                let slices = self.slices(device, draw_layout);
+                let slices = self.slices(gpu.device, draw_layout);
                 let (Some(source), Some(sorted)) = (view.draw_source(), view.sorted()) else { return };
                 // A view that sees more than before has other buffers.
                 if made.slices.as_ref().is_none_or(|of_view| !of_view.fits(&sorted)) {
                     let buffers = (&made.uniforms, &made.depths);
-                    made.slices = Some(ViewSlices::new(device, slices, sorted, viewport.zw(), buffers));
+                    made.slices = Some(ViewSlices::new(gpu.device, slices, sorted, viewport.zw(), buffers));
                 }
                 if let Some(of_view) = &made.slices {
-                    slices.encode(encoder, of_view, source.bind_group, &made.read);
+                    slices.encode(gpu.encoder, of_view, source.bind_group, &made.read);
                 }
             }
         }

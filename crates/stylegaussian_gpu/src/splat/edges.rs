@@ -10,7 +10,7 @@ use stylegaussian_shaders::splat::{self as shaders, SplatEdges};
 use super::{camera::Camera, layer::LAYER_FORMAT};
 use crate::{
     bindings::{bind_group, group_layout, pipeline_layout, shader_module, uniform_binding},
-    buffers,
+    device::GpuEncoder,
     drawing::{Drawing, attachment, cleared_color, cleared_depth, depth_state, set_viewport},
 };
 
@@ -65,29 +65,9 @@ pub(super) struct Edges {
     nearer: wgpu::RenderPipeline,
 }
 
-/// The uniforms of one view.
-#[derive(Debug)]
-pub(super) struct EdgeUniforms {
-    buffer: wgpu::Buffer,
-    /// The numbers that the buffer holds.
-    written: Option<SplatEdges>,
-}
-
-impl EdgeUniforms {
-    pub fn new(device: &wgpu::Device) -> Self {
-        let buffer = buffers::uniforms(device, "splat_edges", size_of::<SplatEdges>() as u64);
-        Self { buffer, written: None }
-    }
-
-    /// Uploads what is an edge for `camera`, if it changed.
-    pub fn write(&mut self, queue: &wgpu::Queue, camera: &Camera) {
-        let limit = camera.depth_across_pixel().map(|x| STEEPEST * x);
-        let now = SplatEdges { limit };
-        if self.written != Some(now) {
-            queue.write_buffer(&self.buffer, 0, bytemuck::bytes_of(&now));
-            self.written = Some(now);
-        }
-    }
+/// The edges of meshes that `camera` sees.
+pub(super) fn edges_of(camera: &Camera) -> SplatEdges {
+    SplatEdges { limit: camera.depth_across_pixel().map(|x| STEEPEST * x) }
 }
 
 impl Edges {
@@ -119,21 +99,20 @@ impl Edges {
     /// Splits `depth` (several samples, reverse z) within a viewport (left, top, width and height in pixels).
     pub fn encode(
         &self,
-        device: &wgpu::Device,
-        encoder: &mut wgpu::CommandEncoder,
-        (uniforms, viewport): (&EdgeUniforms, glam::UVec4),
+        gpu: &mut GpuEncoder,
+        (uniforms, viewport): (&wgpu::Buffer, glam::UVec4),
         layers: &EdgeLayers,
         depth: &wgpu::TextureView,
     ) {
-        let resources = [uniforms.buffer.as_entire_binding(), wgpu::BindingResource::TextureView(depth)];
-        let group = bind_group(device, "splat_edges", &self.layout, &resources);
+        let resources = [uniforms.as_entire_binding(), wgpu::BindingResource::TextureView(depth)];
+        let group = bind_group(gpu.device, "splat_edges", &self.layout, &resources);
         let mask = [cleared_color(&layers.nearer_samples)];
         let sides = [
             (&self.farther, &mask[..], &layers.farther_depth),
             (&self.nearer, &mask[..0], &layers.nearer_depth),
         ];
         for (pipeline, color_attachments, depth) in sides {
-            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            let mut pass = gpu.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("splat_edges"),
                 color_attachments,
                 depth_stencil_attachment: cleared_depth(depth),

@@ -15,7 +15,7 @@ use stylegaussian_shaders::{
 use super::{camera::Camera, edges::STEEPEST, layer::LAYER_FORMAT};
 use crate::{
     bindings::{bind_group, group_layout, pipeline_layout, shader_module, texture_binding, uniform_binding},
-    buffers,
+    device::GpuEncoder,
     drawing::{Drawing, attachment, cleared_color, cleared_depth, depth_state, set_viewport},
 };
 
@@ -63,32 +63,10 @@ struct Stage {
     pipeline: wgpu::RenderPipeline,
 }
 
-/// The uniforms of one view.
-#[derive(Debug)]
-pub(super) struct HalfUniforms {
-    buffer: wgpu::Buffer,
-    /// The numbers that the buffer holds.
-    written: Option<SplatHalf>,
-}
-
-impl HalfUniforms {
-    pub fn new(device: &wgpu::Device) -> Self {
-        let buffer = buffers::uniforms(device, "splat_half", size_of::<SplatHalf>() as u64);
-        Self { buffer, written: None }
-    }
-
-    /// Uploads the place of the picture and what is one surface for `camera`, that of the whole picture, if
-    /// they changed.
-    pub fn write(&mut self, queue: &wgpu::Queue, camera: &Camera) -> &wgpu::Buffer {
-        let viewport = camera.viewport.as_vec4().to_array();
-        let limit = camera.depth_across_pixel().map(|x| STEEPEST * x);
-        let now = SplatHalf { viewport, limit, padding: [0.0; 2] };
-        if self.written != Some(now) {
-            queue.write_buffer(&self.buffer, 0, bytemuck::bytes_of(&now));
-            self.written = Some(now);
-        }
-        &self.buffer
-    }
+/// The place of the picture and what is one surface for `camera`, that of the whole picture.
+pub(super) fn half_of(camera: &Camera) -> SplatHalf {
+    let limit = camera.depth_across_pixel().map(|x| STEEPEST * x);
+    SplatHalf { viewport: camera.viewport.as_vec4().to_array(), limit, padding: [0.0; 2] }
 }
 
 /// Depths that are written, whatever was there.
@@ -119,38 +97,36 @@ impl Half {
     /// in pixels), from the depths of meshes on the farther and the nearer sides of edges.
     pub fn encode_depth(
         &self,
-        device: &wgpu::Device,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         (uniforms, viewport): (&wgpu::Buffer, UVec4),
         sides: [&wgpu::TextureView; 2],
         half: &HalfLayer,
     ) {
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        let mut pass = gpu.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("splat_half_depth"),
             depth_stencil_attachment: cleared_depth(&half.depth),
             ..Default::default()
         });
         let size = half_size(UVec2::new(viewport.z, viewport.w));
-        self.depth.draw(device, &mut pass, UVec4::new(0, 0, size.x, size.y), uniforms, &sides);
+        self.depth.draw(gpu.device, &mut pass, UVec4::new(0, 0, size.x, size.y), uniforms, &sides);
     }
 
     /// Makes the whole layer `color` of the low one, within the whole picture's viewport, for surfaces at
     /// `depth`. What is outside is cleared.
     pub fn encode_whole(
         &self,
-        device: &wgpu::Device,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         (uniforms, viewport): (&wgpu::Buffer, UVec4),
         half: &HalfLayer,
         (color, depth): (&wgpu::TextureView, &wgpu::TextureView),
     ) {
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        let mut pass = gpu.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("splat_half_upsample"),
             color_attachments: &[cleared_color(color)],
             ..Default::default()
         });
         let textures = [depth, &half.color, &half.depth];
-        self.upsample.draw(device, &mut pass, viewport, uniforms, &textures);
+        self.upsample.draw(gpu.device, &mut pass, viewport, uniforms, &textures);
     }
 }
 

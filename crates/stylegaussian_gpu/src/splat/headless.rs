@@ -15,6 +15,7 @@ use super::{
 };
 use crate::{
     buffers::{self, ReadBackError},
+    device::GpuEncoder,
     drawing::attachment,
     strokes::StrokeStore,
 };
@@ -110,14 +111,15 @@ impl Headless {
             return Err(HeadlessError::Size { found: size, limit });
         }
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.pass.project_and_sort(device, queue, &mut encoder, &mut self.view, camera, clouds, settings)?;
+        let gpu = &mut GpuEncoder { device, queue, encoder: &mut encoder };
+        self.pass.project_and_sort(gpu, &mut self.view, camera, clouds, settings)?;
         // The target is kept as long as pictures have one size.
         let target = match self.target.take() {
             Some(target) if target.size() == size => self.target.insert(target),
             _ => self.target.insert(Target::new(device, size, self.pass.layer_usages())),
         };
         let layer = Layer { color: &target.layer, depth: None };
-        self.pass.draw_layer(device, queue, &mut encoder, &mut self.view, &layer, &self.pipeline);
+        self.pass.draw_layer(gpu, &mut self.view, &layer, &self.pipeline);
         target.copy(&mut encoder);
         queue.submit([encoder.finish()]);
         target.read(device)

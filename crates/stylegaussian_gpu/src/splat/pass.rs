@@ -23,7 +23,12 @@ use super::{
     tonemapping::Tonemapping,
     view::{Change, SplatView},
 };
-use crate::{bindings::compute_pass, device::is_software, drawing::attachment, strokes::StrokeStore};
+use crate::{
+    bindings::compute_pass,
+    device::{GpuEncoder, is_software},
+    drawing::attachment,
+    strokes::StrokeStore,
+};
 
 mod casters;
 mod depth;
@@ -148,12 +153,9 @@ impl SplatPass {
     /// # Errors
     /// If the clouds have too many Gaussians for the device, or if colors or strokes belong to another scene.
     /// Nothing is encoded then, and `view` shows nothing.
-    #[expect(clippy::too_many_arguments, reason = "three of them are wgpu's own at every call")]
     pub fn project_and_sort(
         &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         view: &mut SplatView,
         camera: &Camera,
         clouds: &[Cloud],
@@ -168,13 +170,13 @@ impl SplatPass {
             view.forget_all();
             return Ok(());
         }
-        view.reserve(device, &self.sort, &self.draw.layout, n_records)?;
+        view.reserve(gpu.device, &self.sort, &self.draw.layout, n_records)?;
         view.set_paired(false);
         view.set_half_of(settings.whole(camera));
         let camera = &*settings.camera(camera);
-        view.set_camera(queue, camera, n_records as u32);
-        let change = self.project.write(device, queue, view, (camera, None), &drawn, settings);
-        let change = self.relight(device, queue, view, camera, clouds, change);
+        view.set_camera(gpu.queue, camera, n_records as u32);
+        let change = self.project.write(gpu.device, gpu.queue, view, (camera, None), &drawn, settings);
+        let change = self.relight(gpu.device, gpu.queue, view, camera, clouds, change);
         if change == Change::Nothing {
             return Ok(());
         }
@@ -182,11 +184,11 @@ impl SplatPass {
             view.empty_lists();
         }
         let Some(sort) = view.sort() else { return Ok(()) };
-        view.clear_strokes(encoder);
-        let mut pass = compute_pass(encoder, "splat");
+        view.clear_strokes(gpu.encoder);
+        let mut pass = compute_pass(gpu.encoder, "splat");
         self.project.encode(&mut pass, view);
-        self.project.encode_strokes(device, &mut pass, view);
-        self.light.encode(device, &mut pass, &view.lit);
+        self.project.encode_strokes(gpu.device, &mut pass, view);
+        self.light.encode(gpu.device, &mut pass, &view.lit);
         if change == Change::Order {
             self.sort.encode(&mut pass, sort, n_records as u32);
         }
@@ -239,34 +241,32 @@ impl SplatPass {
     /// adapter. [`project_and_sort`](Self::project_and_sort) comes before. `pipeline` must fit the layer.
     pub fn draw_layer(
         &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         view: &mut SplatView,
         layer: &Layer,
         pipeline: &SplatPipeline,
     ) {
         let Some(tiles) = self.tiles.as_ref().filter(|_| layer.takes_tiles()) else {
-            self.draw(&mut layer.cleared(encoder), view, pipeline);
+            self.draw(&mut layer.cleared(gpu.encoder), view, pipeline);
             return;
         };
-        let Some(lists) = view.lists(device, queue, tiles) else {
-            layer.cleared(encoder);
+        let Some(lists) = view.lists(gpu.device, gpu.queue, tiles) else {
+            layer.cleared(gpu.encoder);
             return;
         };
-        tiles.fill(encoder, lists);
+        tiles.fill(gpu.encoder, lists);
         // The CPU does not know whether the lists fit. If they do, the GPU sets this draw to no quads at all;
         // otherwise it sets the blend to no workgroups.
         let commands = lists.commands().clone();
-        let mut pass = layer.cleared(encoder);
+        let mut pass = layer.cleared(gpu.encoder);
         if let Some(source) = view.draw_source() {
             self.draw.encode(&mut pass, pipeline, &self.project.strokes, &source, &commands);
         }
         drop(pass);
         let strokes = view.strokes().and_then(ViewStrokes::draw_group).cloned();
-        if let Some(lists) = view.lists(device, queue, tiles) {
+        if let Some(lists) = view.lists(gpu.device, gpu.queue, tiles) {
             let strokes = strokes.as_ref().map(|group| (&self.project.strokes, group));
-            tiles.blend(device, encoder, lists, (layer.color, layer.depth), strokes);
+            tiles.blend(gpu, lists, (layer.color, layer.depth), strokes);
         }
     }
 
@@ -279,38 +279,33 @@ impl SplatPass {
     /// clears `layers` first. `depth` is what the meshes left, reverse z with several samples, which shaders
     /// may read. [`project_and_sort`](Self::project_and_sort) with `camera` comes before. `pipeline` is that
     /// of one sample and `Depth32Float`.
-    #[expect(clippy::too_many_arguments, reason = "three of them are wgpu's own at every call")]
     pub fn draw_edge_layers(
         &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         view: &mut SplatView,
         camera: &Camera,
         (layers, depth): (&EdgeLayers, &wgpu::TextureView),
         pipeline: &SplatPipeline,
     ) {
-        self.split_depth(device, queue, encoder, view, camera, (layers, depth));
+        self.split_depth(gpu, view, camera, (layers, depth));
         for (color, depth) in
             [(&layers.farther, &layers.farther_depth), (&layers.nearer, &layers.nearer_depth)]
         {
             let layer = Layer { color, depth: Some(depth) };
-            self.draw_layer(device, queue, encoder, view, &layer, pipeline);
+            self.draw_layer(gpu, view, &layer, pipeline);
         }
     }
 
     /// Splits a depth with several samples into those of both sides of `layers`.
     fn split_depth(
         &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         view: &mut SplatView,
         camera: &Camera,
         (layers, depth): (&EdgeLayers, &wgpu::TextureView),
     ) {
-        if let Some(edges) = view.edges(device, queue, camera) {
-            self.edges.get_or_init(|| Edges::new(device)).encode(device, encoder, edges, layers, depth);
+        if let Some(edges) = view.edges(gpu.device, gpu.queue, camera) {
+            self.edges.get_or_init(|| Edges::new(gpu.device)).encode(gpu, edges, layers, depth);
         }
     }
 

@@ -19,7 +19,7 @@ use crate::{
         bind_group, compute_pipeline, group_layout, one_of, pipeline_layout, storage_binding,
         texture_binding, uniform_binding, uniforms_binding,
     },
-    buffers,
+    buffers::{self, Uniforms},
     colors::GaussianColors,
     strokes::{GaussianStrokes, StrokeStore, TextureArrays},
 };
@@ -160,9 +160,7 @@ pub(super) struct ViewStrokes {
     /// The light on each, once there was relief; a buffer of one record before.
     relief: wgpu::Buffer,
     n_records: usize,
-    uniforms: wgpu::Buffer,
-    /// The numbers that the uniforms hold.
-    written: Option<StrokeDraw>,
+    uniforms: Uniforms<StrokeDraw>,
     /// The buffers that the kernel's group was made of, and the group.
     view: Option<([wgpu::Buffer; 3], wgpu::BindGroup)>,
     /// The buffer and the textures that the draws' group was made of, and the group.
@@ -180,8 +178,8 @@ impl ViewStrokes {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
         let records = buffers::create(device, "splat_stroke_records", Self::bytes(n_records), usage);
         let relief = relief_records(device, 1);
-        let uniforms = buffers::uniforms(device, "splat_stroke_draw", size_of::<StrokeDraw>() as u64);
-        Self { records, relief, n_records, uniforms, written: None, view: None, draw: None }
+        let uniforms = Uniforms::new(device, "splat_stroke_draw");
+        Self { records, relief, n_records, uniforms, view: None, draw: None }
     }
 
     /// Makes room for relief if there is any, and binds changed resources: the uniforms of chunks, keys, the
@@ -197,10 +195,7 @@ impl ViewStrokes {
         if draw.n_lights > 0 && self.relief.size() < Self::bytes(self.n_records) {
             self.relief = relief_records(device, self.n_records);
         }
-        if self.written != Some(draw) {
-            queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&draw));
-            self.written = Some(draw);
-        }
+        self.uniforms.write(queue, draw);
         let [chunks, keys] = bound;
         let bound = [chunks, keys, &self.relief];
         if self.view.as_ref().is_none_or(|(of, _)| of.each_ref() != bound) {
@@ -209,7 +204,7 @@ impl ViewStrokes {
         }
         let of = (self.relief.clone(), stage.store.arrays(device));
         if self.draw.as_ref().is_none_or(|(last, _)| *last != of) {
-            let buffers = [&self.uniforms, &self.records, &self.relief];
+            let buffers = [&self.uniforms.buffer, &self.records, &self.relief];
             let group = stage.draws(device).bind(device, buffers, &of.1);
             self.draw = Some((of, group));
         }

@@ -24,6 +24,7 @@ use crate::{
         texture_binding, uniform_binding,
     },
     buffers,
+    device::GpuEncoder,
 };
 
 /// Room in the lists for each record, in entries: footprints of 56 by 56 pixels, which touch at most 8 by 8
@@ -119,8 +120,7 @@ impl Tiles {
     /// is the group of draws with strokes, if there are any. Lists that did not fit are left to the quads.
     pub fn blend(
         &self,
-        device: &wgpu::Device,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         lists: &mut TileLists,
         (layer, depth): (&wgpu::TextureView, Option<&wgpu::TextureView>),
         strokes: Option<(&StrokeStage, &wgpu::BindGroup)>,
@@ -130,17 +130,17 @@ impl Tiles {
         let textures = (layer.clone(), depth.cloned());
         // Textures change if a window is resized, but hardly otherwise.
         if !lists.blends.iter().any(|(of, _)| *of == textures) {
-            let group = lists.bind_blend(device, kernel, layer, depth);
+            let group = lists.bind_blend(gpu.device, kernel, layer, depth);
             // The layers of both sides of edges are blended from the same lists.
             lists.blends.truncate(1);
             lists.blends.insert(0, (textures.clone(), group));
         }
         let Some((_, group)) = lists.blends.iter().find(|(of, _)| *of == textures) else { return };
-        let mut pass = compute_pass(encoder, "splat_tiles_blend");
+        let mut pass = compute_pass(gpu.encoder, "splat_tiles_blend");
         match strokes {
             None => pass.set_pipeline(&kernel.pipeline),
             Some((stage, of_strokes)) => {
-                pass.set_pipeline(&self.painted(device, stage)[tested]);
+                pass.set_pipeline(&self.painted(gpu.device, stage)[tested]);
                 pass.set_bind_group(1, of_strokes, &[]);
             }
         }

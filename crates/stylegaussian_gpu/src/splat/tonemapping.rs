@@ -47,19 +47,19 @@ impl Tonemapping {
 
 /// A tone mapping that needs a table to be undone. Three of them are tables themselves: Bevy's
 /// three-dimensional textures, in a format that can be filtered.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 #[expect(missing_docs, reason = "named like the variants of Bevy's `Tonemapping`, where they are explained")]
-pub enum ToneCurve<'a> {
+pub enum ToneCurve {
     AcesFitted,
     SomewhatBoringDisplayTransform,
     KhronosPbrNeutral,
-    AgX(&'a wgpu::TextureView),
-    TonyMcMapface(&'a wgpu::TextureView),
-    BlenderFilmic(&'a wgpu::TextureView),
+    AgX(wgpu::TextureView),
+    TonyMcMapface(wgpu::TextureView),
+    BlenderFilmic(wgpu::TextureView),
 }
 
-impl<'a> ToneCurve<'a> {
-    fn tonemapping(self) -> Tonemapping {
+impl ToneCurve {
+    fn tonemapping(&self) -> Tonemapping {
         match self {
             Self::AcesFitted => Tonemapping::AcesFitted,
             Self::SomewhatBoringDisplayTransform => Tonemapping::SomewhatBoringDisplayTransform,
@@ -70,7 +70,7 @@ impl<'a> ToneCurve<'a> {
         }
     }
 
-    fn table(self) -> Option<&'a wgpu::TextureView> {
+    fn table(&self) -> Option<&wgpu::TextureView> {
         match self {
             Self::AgX(table) | Self::TonyMcMapface(table) | Self::BlenderFilmic(table) => Some(table),
             Self::AcesFitted | Self::SomewhatBoringDisplayTransform | Self::KhronosPbrNeutral => None,
@@ -91,7 +91,7 @@ pub struct InverseTable {
 impl InverseTable {
     /// Encodes the search for the inverse of `curve`. It takes milliseconds on a GPU, once in the life of a
     /// device.
-    pub fn new(device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder, curve: ToneCurve) -> Self {
+    pub fn new(device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder, curve: &ToneCurve) -> Self {
         let usage = wgpu::TextureUsages::STORAGE_BINDING;
         let table = texture(device, "splat_inverse_table", TABLE_SIZE, usage);
         // A binding needs some texture, also for curves that read none.

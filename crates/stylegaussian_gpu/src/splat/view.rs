@@ -4,14 +4,14 @@
 use std::collections::HashMap;
 
 use stylegaussian_shaders::splat::{
-    ANTIALIASED, BY_DISTANCE, CROPPED, HALF_SIZE, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw,
+    ANTIALIASED, BY_DISTANCE, CROPPED, HALF_SIZE, SORT_BATCH, SplatChunk, SplatCounts, SplatDraw, SplatEdges,
     strokes::{StrokeChunk, StrokeDraw},
 };
 
 use super::{
     camera::Camera,
     cloud::Cloud,
-    edges::EdgeUniforms,
+    edges::edges_of,
     error::SplatError,
     light::{LightBuffers, LitView, ViewLight},
     memory::{HALF_RECORD, record_bytes, record_limit},
@@ -19,7 +19,10 @@ use super::{
     strokes::{StrokeStage, ViewStrokes},
     tiles::{TileLists, Tiles},
 };
-use crate::{bindings::stride, buffers::TooLarge};
+use crate::{
+    bindings::stride,
+    buffers::{TooLarge, Uniforms},
+};
 
 mod eyes;
 mod fades;
@@ -61,7 +64,7 @@ pub struct SplatView {
     /// A number that differs after each change of the visible splats or their order.
     order: u64,
     /// The limits of edges, once a layer with several samples per pixel was drawn.
-    edges: Option<EdgeUniforms>,
+    edges: Option<Uniforms<SplatEdges>>,
     /// The state that this view shares with that of another eye.
     eyes: EyeState,
     /// The state of a view at half its width and height.
@@ -221,12 +224,12 @@ impl SplatView {
         device: &wgpu::Device,
         queue: &wgpu::Queue,
         camera: &Camera,
-    ) -> Option<(&EdgeUniforms, glam::UVec4)> {
+    ) -> Option<(&wgpu::Buffer, glam::UVec4)> {
         let drawn = self.viewport?;
         let viewport = self.half_of().unwrap_or(drawn);
-        let edges = self.edges.get_or_insert_with(|| EdgeUniforms::new(device));
-        edges.write(queue, camera);
-        Some((&*edges, viewport))
+        let edges = self.edges.get_or_insert_with(|| Uniforms::new(device, "splat_edges"));
+        edges.write(queue, edges_of(camera));
+        Some((&edges.buffer, viewport))
     }
 
     /// The state of light, and the buffers that it changes.

@@ -4,32 +4,7 @@ use stylegaussian::{
     paint::redraw,
     strokes::{FINE_SIDE, WIDE_SIDE},
 };
-use stylegaussian_shaders::paint::{self as shaders, PaintPicture, PaintStep};
-
-/// A kernel that works on pictures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Stage {
-    Read,
-    Resize,
-    Halve,
-    Blur,
-    Squares,
-    Sum,
-    Detail,
-    Level,
-}
-
-/// Stages that work on pictures alone, in the order of the enum.
-pub(super) const STAGES: [Stage; 8] = [
-    Stage::Read,
-    Stage::Resize,
-    Stage::Halve,
-    Stage::Blur,
-    Stage::Squares,
-    Stage::Sum,
-    Stage::Detail,
-    Stage::Level,
-];
+use stylegaussian_shaders::paint::{self as shaders, PaintPicture, PaintStage as Stage, PaintStep};
 
 /// One dispatch.
 #[derive(Clone, Copy, Debug)]

@@ -6,10 +6,10 @@
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use stylegaussian::paint::Paint;
-use stylegaussian_shaders::paint::{self as shaders, PaintStep};
+use stylegaussian_shaders::paint::{PaintStage as Stage, PaintStep};
 
 use super::{
-    plan::{Plan, PlanKey, STAGES, Stage},
+    plan::{Plan, PlanKey},
     store::{StrokeLayer, StrokeStore},
 };
 use crate::{
@@ -18,6 +18,7 @@ use crate::{
         storage_binding, stride, texture_binding, uniforms_binding,
     },
     buffers::{self, ReadBackError, TooLarge},
+    device::GpuEncoder,
 };
 
 /// Least width and height of an image that changes, in pixels: there is no stroke in less.
@@ -157,19 +158,10 @@ impl StrokeRedrawer {
         let of_image = pipeline_layout(device, "paint_read", &[&step_layout, &image_layout]);
         let of_pictures = pipeline_layout(device, "paint_step", &[&step_layout]);
         let pipeline = |stage: Stage| {
-            let (source, layout) = match stage {
-                Stage::Read => (shaders::paint_read(), &of_image),
-                Stage::Resize => (shaders::paint_resize(), &of_pictures),
-                Stage::Halve => (shaders::paint_halve(), &of_pictures),
-                Stage::Blur => (shaders::paint_blur(), &of_pictures),
-                Stage::Squares => (shaders::paint_squares(), &of_pictures),
-                Stage::Sum => (shaders::paint_sum(), &of_pictures),
-                Stage::Detail => (shaders::paint_detail(), &of_pictures),
-                Stage::Level => (shaders::paint_level(), &of_pictures),
-            };
-            compute_pipeline(device, source, layout, wgpu::PipelineCompilationOptions::default())
+            let layout = if stage == Stage::Read { &of_image } else { &of_pictures };
+            compute_pipeline(device, stage.source(), layout, wgpu::PipelineCompilationOptions::default())
         };
-        let pipelines = STAGES.into_iter().map(pipeline).collect();
+        let pipelines = Stage::ALL.into_iter().map(pipeline).collect();
         Self { step_layout, image_layout, pipelines, scratch: Mutex::default() }
     }
 
@@ -180,21 +172,18 @@ impl StrokeRedrawer {
     /// # Errors
     /// If the image cannot be read, or if it takes more memory than the device has room for. The layer stays as
     /// it is.
-    #[expect(clippy::too_many_arguments, reason = "three of them are the GPU")]
     pub fn encode(
         &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         image: &PaintImage,
         reading: [u32; 2],
         store: &StrokeStore,
         layer: &StrokeLayer,
     ) -> Result<(), RedrawError> {
         let Some(layer) = layer.number() else { return Ok(()) };
-        let planned = self.planned(device, queue, image.key(Some(reading))?)?;
-        self.dispatch(device, encoder, image, &planned);
-        let arrays = store.arrays(device);
+        let planned = self.planned(gpu, image.key(Some(reading))?)?;
+        self.dispatch(gpu, image, &planned);
+        let arrays = store.arrays(gpu.device);
         for level in &planned.plan.levels {
             let array = if level.is_wide { &arrays.wide } else { &arrays.fine };
             let from = wgpu::TexelCopyBufferInfo {
@@ -211,7 +200,7 @@ impl StrokeRedrawer {
                 ..array.as_image_copy()
             };
             let size = wgpu::Extent3d { width: level.side, height: level.side, depth_or_array_layers: 1 };
-            encoder.copy_buffer_to_texture(from, to, size);
+            gpu.encoder.copy_buffer_to_texture(from, to, size);
         }
         Ok(())
     }
@@ -222,17 +211,15 @@ impl StrokeRedrawer {
     /// As [`encode`](Self::encode).
     pub fn encode_read(
         &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         image: &PaintImage,
     ) -> Result<PaintReadBack, RedrawError> {
-        let planned = self.planned(device, queue, image.key(None)?)?;
-        self.dispatch(device, encoder, image, &planned);
+        let planned = self.planned(gpu, image.key(None)?)?;
+        self.dispatch(gpu, image, &planned);
         let size @ [width, height] = planned.key.original;
         let bytes = 4 * u64::from(width) * u64::from(height);
-        let copy = buffers::read_back(device, "paint_read_back", bytes);
-        encoder.copy_buffer_to_buffer(&planned.packed, 0, &copy, 0, bytes);
+        let copy = buffers::read_back(gpu.device, "paint_read_back", bytes);
+        gpu.encoder.copy_buffer_to_buffer(&planned.packed, 0, &copy, 0, bytes);
         Ok(PaintReadBack { copy, size, mapped: None })
     }
 
@@ -241,16 +228,10 @@ impl StrokeRedrawer {
         *self.scratch.lock().unwrap_or_else(PoisonError::into_inner) = Scratch::default();
     }
 
-    fn dispatch(
-        &self,
-        device: &wgpu::Device,
-        encoder: &mut wgpu::CommandEncoder,
-        image: &PaintImage,
-        planned: &Planned,
-    ) {
+    fn dispatch(&self, gpu: &mut GpuEncoder, image: &PaintImage, planned: &Planned) {
         let view = wgpu::BindingResource::TextureView(image.view);
-        let of_image = bind_group(device, "paint_image", &self.image_layout, &[view]);
-        let mut pass = compute_pass(encoder, "redraw_strokes");
+        let of_image = bind_group(gpu.device, "paint_image", &self.image_layout, &[view]);
+        let mut pass = compute_pass(gpu.encoder, "redraw_strokes");
         for (i, step) in planned.plan.steps.iter().enumerate() {
             pass.set_pipeline(&self.pipelines[step.stage as usize]);
             pass.set_bind_group(0, &planned.group, &[(i * stride::<PaintStep>()) as u32]);
@@ -262,12 +243,7 @@ impl StrokeRedrawer {
     }
 
     /// A plan and its buffers, made now if they are not there.
-    fn planned(
-        &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        key: PlanKey,
-    ) -> Result<Arc<Planned>, TooLarge> {
+    fn planned(&self, gpu: &GpuEncoder, key: PlanKey) -> Result<Arc<Planned>, TooLarge> {
         let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = scratch.plans.iter().position(|planned| planned.key == key) {
             // Those used last are at the end.
@@ -278,16 +254,16 @@ impl StrokeRedrawer {
         let plan = Plan::new(key);
         let pixel = size_of::<[f32; 4]>() as u64;
         let sizes = [pixel * u64::from(plan.n_pixels), 4 * u64::from(plan.n_packed)];
-        let limit = buffers::largest_binding(device);
+        let limit = buffers::largest_binding(gpu.device);
         TooLarge::check("the pictures of a painting that changes", sizes[0], limit)?;
         TooLarge::check("the texels of a painting that changes", sizes[1], limit)?;
-        let [pictures, packed] = scratch.with_room(device, sizes);
+        let [pictures, packed] = scratch.with_room(gpu.device, sizes);
         let bytes = at_strides(plan.steps.iter().map(|step| step.uniforms));
-        let uniforms = buffers::uniforms(device, "paint_steps", bytes.len() as u64);
-        queue.write_buffer(&uniforms, 0, &bytes);
+        let uniforms = buffers::uniforms(gpu.device, "paint_steps", bytes.len() as u64);
+        gpu.queue.write_buffer(&uniforms, 0, &bytes);
         let [of_pictures, of_packed] = [&pictures, &packed].map(wgpu::Buffer::as_entire_binding);
         let resources = [one_of::<PaintStep>(&uniforms), of_pictures, of_packed];
-        let group = bind_group(device, "paint_step", &self.step_layout, &resources);
+        let group = bind_group(gpu.device, "paint_step", &self.step_layout, &resources);
         let planned = Arc::new(Planned { key, plan, group, packed });
         scratch.plans.push(Arc::clone(&planned));
         if scratch.plans.len() > MAX_PLANS {

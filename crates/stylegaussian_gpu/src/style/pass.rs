@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use stylegaussian::Activation;
+use stylegaussian_shaders::style::KnnLayer;
 
 use super::{
     error::StyleSceneError,
@@ -14,7 +15,7 @@ use super::{
     weights::GpuDecoder,
     work_meter::{StyleProgress, WorkMeter},
 };
-use crate::colors::GaussianColors;
+use crate::{bindings::stride, colors::GaussianColors};
 
 /// The pipelines of the style pass on one device.
 #[derive(Debug)]
@@ -92,9 +93,9 @@ impl StylePass {
         });
         for (i, step) in steps.iter().enumerate() {
             let buffers = step_buffers(scene, &scratch, weights, colors, step);
-            let bind_group = self.pipelines.bind_group(device, parameters.binding(i), &buffers);
+            let bind_group = self.pipelines.bind_group(device, &parameters, &buffers);
             pass.set_pipeline(self.pipelines.of(step));
-            pass.set_bind_group(0, &bind_group, &[]);
+            pass.set_bind_group(0, &bind_group, &[(i * stride::<KnnLayer>()) as u32]);
             pass.dispatch_workgroups(step.workgroups[0], step.workgroups[1], 1);
         }
         drop(pass);

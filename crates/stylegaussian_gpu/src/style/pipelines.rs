@@ -5,6 +5,7 @@ use stylegaussian_shaders::{
     Source,
     style::{self, COLUMNS_PER_WORKGROUP, KnnLayer, NumberFormat},
 };
+use wgpu::util::DeviceExt;
 
 use super::{
     options::Precision,
@@ -12,7 +13,8 @@ use super::{
     weights::GpuDecoder,
 };
 use crate::bindings::{
-    bind_group, compute_pipeline, group_layout, pipeline_layout, storage_binding, uniform_binding,
+    at_strides, bind_group, compute_pipeline, group_layout, one_of, pipeline_layout, storage_binding,
+    uniforms_binding,
 };
 
 /// The number of storage bindings, which follow the uniforms. All kernels share one layout.
@@ -41,17 +43,10 @@ struct LayerPipelines {
     color: wgpu::ComputePipeline,
 }
 
-/// The uniforms of successive steps, in one buffer.
-#[derive(Debug)]
-pub(super) struct Parameters {
-    buffer: wgpu::Buffer,
-    stride: u64,
-}
-
 impl Pipelines {
     pub fn new(device: &wgpu::Device, precision: Precision) -> Self {
         let read_only = STORAGE_IS_READ_ONLY.map(storage_binding);
-        let bindings = [&[uniform_binding::<KnnLayer>()], &read_only[..]].concat();
+        let bindings = [&[uniforms_binding::<KnnLayer>()], &read_only[..]].concat();
         let layout = group_layout(device, "style", wgpu::ShaderStages::COMPUTE, &bindings);
         let pipeline_layout = pipeline_layout(device, "style", &[&layout]);
         let pipeline = |source: Source| {
@@ -86,43 +81,21 @@ impl Pipelines {
     pub fn bind_group(
         &self,
         device: &wgpu::Device,
-        parameters: wgpu::BufferBinding,
+        parameters: &wgpu::Buffer,
         storage: &[wgpu::BufferBinding; N_STORAGE],
     ) -> wgpu::BindGroup {
-        let buffers = std::iter::once(&parameters).chain(storage).cloned();
-        let resources: Vec<_> = buffers.map(wgpu::BindingResource::Buffer).collect();
+        let storage = storage.iter().cloned().map(wgpu::BindingResource::Buffer);
+        let resources: Vec<_> = std::iter::once(one_of::<KnnLayer>(parameters)).chain(storage).collect();
         bind_group(device, "style", &self.layout, &resources)
     }
 
-    /// The uniforms of `steps`, completed by those of the decoder.
-    pub fn parameters(&self, device: &wgpu::Device, steps: &[Step], weights: &GpuDecoder) -> Parameters {
-        let alignment = u64::from(device.limits().min_uniform_buffer_offset_alignment);
-        let stride = (size_of::<KnnLayer>() as u64).next_multiple_of(alignment);
-        let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+    /// The uniforms of `steps`, completed by those of the decoder, one after another.
+    pub fn parameters(&self, device: &wgpu::Device, steps: &[Step], weights: &GpuDecoder) -> wgpu::Buffer {
+        device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("style_parameters"),
-            size: stride * steps.len() as u64,
+            contents: &at_strides(steps.iter().map(|step| with_decoder(step, weights))),
             usage: wgpu::BufferUsages::UNIFORM,
-            mapped_at_creation: true,
-        });
-        let mut bytes = vec![0; stride as usize * steps.len()];
-        for (step, bytes) in steps.iter().zip(bytes.chunks_exact_mut(stride as usize)) {
-            let parameters = with_decoder(step, weights);
-            bytes[..size_of::<KnnLayer>()].copy_from_slice(bytemuck::bytes_of(&parameters));
-        }
-        buffer.get_mapped_range_mut(..).copy_from_slice(&bytes);
-        buffer.unmap();
-        Parameters { buffer, stride }
-    }
-}
-
-impl Parameters {
-    /// The uniforms of step `index`.
-    pub fn binding(&self, index: usize) -> wgpu::BufferBinding<'_> {
-        wgpu::BufferBinding {
-            buffer: &self.buffer,
-            offset: self.stride * index as u64,
-            size: std::num::NonZero::new(size_of::<KnnLayer>() as u64),
-        }
+        })
     }
 }
 

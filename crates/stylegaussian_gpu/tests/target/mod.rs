@@ -168,7 +168,7 @@ fn mesh_pipeline(device: &wgpu::Device, samples: u32, corners: &[[f32; 3]]) -> w
 
 /// The layers of both sides of the edges in `depth`, which has several samples per pixel.
 pub fn edge_layers(
-    HeadlessDevice { device, queue, .. }: &HeadlessDevice,
+    gpu @ HeadlessDevice { device, queue, .. }: &HeadlessDevice,
     splats: &SplatPass,
     view: &mut SplatView,
     camera: &Camera,
@@ -178,7 +178,7 @@ pub fn edge_layers(
     let pipeline = splats.pipeline(device, 1, Some(depth.format()));
     let depth = depth.create_view(&wgpu::TextureViewDescriptor::default());
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    splats.draw_edge_layers(device, queue, &mut encoder, view, camera, (&layers, &depth), &pipeline);
+    splats.draw_edge_layers(&mut gpu.encoding(&mut encoder), view, camera, (&layers, &depth), &pipeline);
     queue.submit([encoder.finish()]);
     layers
 }

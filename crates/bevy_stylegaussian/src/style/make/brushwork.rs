@@ -7,7 +7,7 @@ use stylegaussian::{
     mesh::Sky,
     paint::{Hand, Painted, Surface},
     restyle::{self, Recipe},
-    work::{Canceled, Work},
+    work::Work,
 };
 
 use super::{
@@ -15,7 +15,6 @@ use super::{
     later::Failure,
     request::{Decided, LaterCanvas, Same, as_parts, made},
 };
-use crate::style::wish::error::StyleError;
 
 /// Paintings, and how they are laid on. Two that are equal paint alike.
 pub(crate) struct Brushwork {
@@ -64,21 +63,8 @@ impl Brushwork {
     /// main thread.
     ///
     /// # Errors
-    /// [`Canceled`] if nobody wants it any more; inside, the reason if it cannot be had.
-    pub(crate) fn paint(
-        &self,
-        spots: &Scene,
-        scale: f32,
-        work: &Work,
-    ) -> Result<Result<Painted, Arc<StyleError>>, Canceled> {
-        match self.painted(spots, scale, work) {
-            Ok(painted) => Ok(Ok(painted)),
-            Err(Failure::Failed(error)) => Ok(Err(error)),
-            Err(Failure::Canceled) => Err(Canceled),
-        }
-    }
-
-    fn painted(&self, spots: &Scene, scale: f32, work: &Work) -> Result<Painted, Failure> {
+    /// If nobody wants it any more, or it cannot be had.
+    pub(crate) fn paint(&self, spots: &Scene, scale: f32, work: &Work) -> Result<Painted, Failure> {
         let canvases = made(&self.canvases, &work.part(0.0, 0.1))?;
         let at = work.part(0.1, 0.1);
         let tints = self.decided.tints.as_ref().map(|tints| tints.made(&at)).transpose()?;

@@ -13,7 +13,7 @@ use bevy::{
 
 use crate::style::{
     make::{
-        images::LoadingEncoder,
+        images::ImageInputs,
         job::{Stage, StyleJob, StyleJobs},
     },
     wish::{
@@ -43,7 +43,7 @@ impl Told<'_, '_> {
 pub(crate) fn ask_for_frames(
     styled: Query<(&StyleJobs, Option<&StyleSource>, Option<&StyleDecoder>)>,
     server: Res<AssetServer>,
-    encoder: LoadingEncoder,
+    images: ImageInputs,
     game: Res<Time<Virtual>>,
     mut told: Told,
     mut redraw: MessageWriter<RequestRedraw>,
@@ -62,7 +62,7 @@ pub(crate) fn ask_for_frames(
         jobs.of_scene.iter().any(|job| !job.is_settled())
             && (source.is_some_and(|source| ids(source).any(&is_loading))
                 || decoder.is_some_and(|decoder| is_loading(decoder.0.id().untyped()))
-                || encoder.is_loading())
+                || images.is_encoder_loading())
     };
     let is_told = told.any();
     if is_told || styled.iter().any(asks) {

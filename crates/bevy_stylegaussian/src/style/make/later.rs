@@ -39,6 +39,15 @@ impl From<StyleError> for Failure {
     }
 }
 
+/// A computation's end as [`Workers`](crate::work::Workers) take it.
+pub(crate) fn settled<T>(computed: Result<T, Failure>) -> Result<Result<T, Arc<StyleError>>, Canceled> {
+    match computed {
+        Ok(value) => Ok(Ok(value)),
+        Err(Failure::Failed(error)) => Ok(Err(error)),
+        Err(Failure::Canceled) => Err(Canceled),
+    }
+}
+
 /// A value that the first computation makes that needs it. All share it, or the reason why there is none.
 pub(crate) type Later<T> = Arc<Lazy<T>>;
 

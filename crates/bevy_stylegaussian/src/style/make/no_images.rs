@@ -19,6 +19,14 @@ impl ImageInputs<'_> {
         Err(no_images(handle))
     }
 
+    pub(crate) fn is_encoder_loading(&self) -> bool {
+        false
+    }
+
+    pub(crate) fn follows(&self, _: AssetId<Image>) -> bool {
+        false
+    }
+
     pub(crate) fn palette(&self, _: &Handle<Image>, _: Option<Crop>) -> Option<ColorMoments> {
         None
     }
@@ -34,26 +42,6 @@ pub(crate) struct EncoderChanges<'w>(PhantomData<&'w ()>);
 
 impl EncoderChanges<'_> {
     pub(crate) fn read(&mut self) -> bool {
-        false
-    }
-}
-
-/// As that of a build with the feature. No image is followed.
-#[derive(SystemParam)]
-pub(crate) struct Followed<'w>(PhantomData<&'w ()>);
-
-impl Followed<'_> {
-    pub(crate) fn has(&self, _: AssetId<Image>) -> bool {
-        false
-    }
-}
-
-/// As that of a build with the feature. There is no encoder.
-#[derive(SystemParam)]
-pub(crate) struct LoadingEncoder<'w>(PhantomData<&'w ()>);
-
-impl LoadingEncoder<'_> {
-    pub(crate) fn is_loading(&self) -> bool {
         false
     }
 }

@@ -23,7 +23,7 @@ use crate::{
     style::{
         make::{
             beside::Beside,
-            later::{Encoded, Failure, Lazy, Stretched},
+            later::{Encoded, Failure, Lazy, Stretched, settled},
             packed::LaterInputs,
             worker::{Ground, Painting},
         },
@@ -163,11 +163,7 @@ impl StyleRequest {
     /// Starts the computation. `like` is the result of a request that [pins other places](Self::pins_others).
     pub(crate) fn start(self: &Arc<Self>, like: Option<StyleResult>, workers: &Workers) -> Running<Computed> {
         let (request, moves) = (Arc::clone(self), like.is_some());
-        let compute = async move |work: Work| match request.run(like.as_ref(), &work).await {
-            Ok(style) => Ok(Ok(style)),
-            Err(Failure::Failed(error)) => Ok(Err(error)),
-            Err(Failure::Canceled) => Err(Canceled),
-        };
+        let compute = async move |work: Work| settled(request.run(like.as_ref(), &work).await);
         let lane = match self.styles {
             // Mixing looks must not wait for a painting, and neither must moving strokes.
             Styles::None => Lane::Short,

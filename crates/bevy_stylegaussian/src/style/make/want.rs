@@ -3,7 +3,7 @@
 use bevy::{platform::collections::HashSet, prelude::*};
 
 use super::{
-    images::{EncoderChanges, Followed},
+    images::{EncoderChanges, ImageInputs},
     job::{Stage, StyleJobs},
 };
 use crate::style::{
@@ -69,12 +69,12 @@ pub(crate) fn want_changed_assets(
     mut decoders: MessageReader<AssetEvent<GaussianDecoder>>,
     mut pins: MessageReader<AssetEvent<StylePinsFile>>,
     mut encoder: EncoderChanges,
-    followed: Followed,
+    inputs: ImageInputs,
     mut jobs: Query<(&mut StyleJobs, &StyleSource, Option<&StyleDecoder>)>,
 ) {
     // Every reader is drained before the first return, or old events would come back in a later frame.
     let images = changed(&mut images);
-    let is_new = |image: &Handle<Image>| images.contains(&image.id()) && !followed.has(image.id());
+    let is_new = |image: &Handle<Image>| images.contains(&image.id()) && !inputs.follows(image.id());
     let statistics = changed(&mut statistics);
     let looks = changed(&mut looks);
     let decoders = changed(&mut decoders);

@@ -110,7 +110,7 @@ impl World {
             .collect();
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.mixer.begin_submission();
-        self.mixer.encode_strokes(device, queue, &mut encoder, &self.on_gpu, &of_gpu, mix).unwrap();
+        self.mixer.encode_strokes(&mut self.gpu.encoding(&mut encoder), &self.on_gpu, &of_gpu, mix).unwrap();
         queue.submit([encoder.finish()]);
     }
 

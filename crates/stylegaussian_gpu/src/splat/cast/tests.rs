@@ -36,7 +36,7 @@ fn project(gpu: &HeadlessDevice, pass: &SplatPass, view: &mut CastView, camera: 
     let HeadlessDevice { device, queue, .. } = gpu;
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let light = (camera, SplatSettings::default().near);
-    pass.project_casters(device, queue, &mut encoder, view, light, casters).unwrap();
+    pass.project_casters(&mut gpu.encoding(&mut encoder), view, light, casters).unwrap();
     queue.submit([encoder.finish()]);
 }
 

@@ -35,7 +35,7 @@ fn sorted(
     camera: &Camera,
     scene: &GpuScene,
 ) -> wgpu::CommandEncoder {
-    let HeadlessDevice { device, queue, .. } = gpu;
+    let device = &gpu.device;
     let cloud = Cloud {
         scene,
         colors: CloudColors::Captured,
@@ -44,7 +44,7 @@ fn sorted(
     };
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let settings = SplatSettings::default();
-    pass.project_and_sort(device, queue, &mut encoder, view, camera, &[cloud], &settings).unwrap();
+    pass.project_and_sort(&mut gpu.encoding(&mut encoder), view, camera, &[cloud], &settings).unwrap();
     encoder
 }
 
@@ -78,7 +78,7 @@ fn gpu_matches_cpu() {
             let (mut view, mut iso) = (SplatView::new(), IsoDepth::new());
             for threshold in [ISO_THRESHOLD, 0.3, 0.9] {
                 let mut encoder = sorted(&gpu, &pass, &mut view, &camera, &on_gpu);
-                pass.find_depth(device, queue, &mut encoder, &mut view, threshold, &mut iso);
+                pass.find_depth(&mut gpu.encoding(&mut encoder), &mut view, threshold, &mut iso);
                 queue.submit([encoder.finish()]);
                 let found = distances(&read(&gpu, iso.buffer().unwrap()), near);
                 let expected = iso_depth(&scene, &pinhole(), threshold, None);
@@ -124,7 +124,7 @@ fn depths_are_written_before_walls_and_within_the_viewport() {
             camera.viewport = UVec4::new(corner.x, corner.y, SIZE.x, SIZE.y);
             let wall = camera.clip_from_view.w_axis.z / 2.5;
             let mut encoder = sorted(&gpu, &pass, &mut view, &camera, &scene);
-            pass.find_depth(device, queue, &mut encoder, &mut view, ISO_THRESHOLD, &mut iso);
+            pass.find_depth(&mut gpu.encoding(&mut encoder), &mut view, ISO_THRESHOLD, &mut iso);
             queue.submit([encoder.finish()]);
             let found = written(&gpu, &pass, &iso, size, wall);
             let depths: Vec<f32> = read(&gpu, iso.buffer().unwrap());
@@ -156,9 +156,9 @@ fn depth_is_free_unless_it_is_asked_for() {
     let pipeline = pass.pipeline(device, 1, None);
     let mut encoder = sorted(&gpu, &pass, &mut view, &camera, &scene);
     let layer = Layer { color: &color, depth: None };
-    pass.draw_layer(device, queue, &mut encoder, &mut view, &layer, &pipeline);
+    pass.draw_layer(&mut gpu.encoding(&mut encoder), &mut view, &layer, &pipeline);
     assert!(pass.depth.get().is_none());
-    pass.find_depth(device, queue, &mut encoder, &mut view, ISO_THRESHOLD, &mut iso);
+    pass.find_depth(&mut gpu.encoding(&mut encoder), &mut view, ISO_THRESHOLD, &mut iso);
     queue.submit([encoder.finish()]);
     let found = iso.found.clone().unwrap();
     let encoder = sorted(&gpu, &pass, &mut view, &camera, &scene);
@@ -166,7 +166,7 @@ fn depth_is_free_unless_it_is_asked_for() {
     assert_eq!((found.threshold, found.order), (ISO_THRESHOLD, view.order()), "a still view is found once");
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let settings = SplatSettings::default();
-    pass.project_and_sort(device, queue, &mut encoder, &mut view, &camera, &[], &settings).unwrap();
-    pass.find_depth(device, queue, &mut encoder, &mut view, ISO_THRESHOLD, &mut iso);
+    pass.project_and_sort(&mut gpu.encoding(&mut encoder), &mut view, &camera, &[], &settings).unwrap();
+    pass.find_depth(&mut gpu.encoding(&mut encoder), &mut view, ISO_THRESHOLD, &mut iso);
     assert!(iso.buffer().is_none(), "nothing is shown");
 }

@@ -46,7 +46,7 @@ fn by_itself(
 ) -> Records {
     let HeadlessDevice { device, queue, .. } = gpu;
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    pass.project_and_sort(device, queue, &mut encoder, view, camera, clouds, &settings()).unwrap();
+    pass.project_and_sort(&mut gpu.encoding(&mut encoder), view, camera, clouds, &settings()).unwrap();
     queue.submit([encoder.finish()]);
     records(gpu, view)
 }
@@ -72,9 +72,7 @@ fn submit_eyes(
     let HeadlessDevice { device, queue, .. } = gpu;
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     pass.project_and_sort_eyes(
-        device,
-        queue,
-        &mut encoder,
+        &mut gpu.encoding(&mut encoder),
         [first, second],
         cameras.each_ref(),
         clouds,

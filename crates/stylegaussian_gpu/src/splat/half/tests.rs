@@ -6,6 +6,7 @@ use wgpu::TextureFormat::{Depth32Float, R32Float};
 
 use super::*;
 use crate::{
+    buffers::{self, Uniforms},
     device::HeadlessDevice,
     splat::testing::{gpu, randoms, read},
 };
@@ -125,8 +126,9 @@ fn shaders_equal_the_twin() {
     let pinhole = stylegaussian::Camera::look_at(eye, ahead, up, 0.3, size);
     let camera = Camera { viewport: VIEWPORT, ..Camera::pinhole(&pinhole) };
     let stage = Half::new(&gpu.device);
-    let mut uniforms = HalfUniforms::new(&gpu.device);
-    let uniforms = (uniforms.write(&gpu.queue, &camera), VIEWPORT);
+    let mut uniforms = Uniforms::new(&gpu.device, "splat_half");
+    uniforms.write(&gpu.queue, half_of(&camera));
+    let uniforms = (&uniforms.buffer, VIEWPORT);
     let low_size = half_size(TARGET);
     let numbers: Vec<f16> = (0..4 * low_size.element_product()).map(|_| f16::from_f32(random())).collect();
     let color = texture(&gpu, low_size, LAYER_FORMAT, bytemuck::cast_slice(&numbers));
@@ -136,11 +138,11 @@ fn shaders_equal_the_twin() {
     let [far, near] = [&farther, &nearer].map(|depths| depth_of(&gpu, depths));
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let sides = [&view_of(&far), &view_of(&near)];
-    stage.encode_depth(&gpu.device, &mut encoder, uniforms, sides, &half);
+    stage.encode_depth(&mut gpu.encoding(&mut encoder), uniforms, sides, &half);
     let wholes = [&far, &near].map(|depth| {
         let whole = texture(&gpu, TARGET, LAYER_FORMAT, &[]);
         let target = (&view_of(&whole), &view_of(depth));
-        stage.encode_whole(&gpu.device, &mut encoder, uniforms, &half, target);
+        stage.encode_whole(&mut gpu.encoding(&mut encoder), uniforms, &half, target);
         whole
     });
     gpu.queue.submit([encoder.finish()]);

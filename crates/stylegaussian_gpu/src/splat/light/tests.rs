@@ -72,7 +72,9 @@ impl Stage {
         let clouds = [cloud(plain, 0), flat, cloud(painted, 1)];
         let settings = SplatSettings::default();
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.pass.project_and_sort(device, queue, &mut encoder, view, camera, &clouds, &settings).unwrap();
+        self.pass
+            .project_and_sort(&mut self.gpu.encoding(&mut encoder), view, camera, &clouds, &settings)
+            .unwrap();
         self.pass.light_in_atmosphere(device, &mut encoder, view);
         queue.submit([encoder.finish()]);
         self.records(view)
@@ -260,7 +262,7 @@ fn curves_with_tables_show_fog() {
     let Some(stage) = Stage::new(73) else { return };
     let HeadlessDevice { device, queue, .. } = &stage.gpu;
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let table = InverseTable::new(device, &mut encoder, ToneCurve::AcesFitted);
+    let table = InverseTable::new(device, &mut encoder, &ToneCurve::AcesFitted);
     queue.submit([encoder.finish()]);
     let (mut view, camera) = (SplatView::new(), before_scene());
     let before = stage.shown(&mut view, &camera);

@@ -1,10 +1,13 @@
 //! Shadows that clouds cast.
 
 use super::SplatPass;
-use crate::splat::{
-    camera::Camera,
-    cast::{Cast, CastView, Caster},
-    error::SplatError,
+use crate::{
+    device::GpuEncoder,
+    splat::{
+        camera::Camera,
+        cast::{Cast, CastView, Caster},
+        error::SplatError,
+    },
 };
 
 impl SplatPass {
@@ -27,14 +30,12 @@ impl SplatPass {
     /// If colors, strokes or masks belong to another scene. Nothing is drawn then.
     pub fn project_casters(
         &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         view: &mut CastView,
         (camera, near): (&Camera, f32),
         casters: &[Caster],
     ) -> Result<(), SplatError> {
-        self.casts(device).project(device, queue, encoder, view, (camera, near), casters)
+        self.casts(gpu.device).project(gpu, view, (camera, near), casters)
     }
 
     /// Writes the depths of a map's cores into the depth attachment of `pass`, of

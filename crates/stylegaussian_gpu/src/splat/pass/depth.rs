@@ -1,9 +1,12 @@
 //! Depth of splats, for views that ask for it.
 
 use super::SplatPass;
-use crate::splat::{
-    depth::{Depth, DepthPipeline, IsoDepth},
-    view::SplatView,
+use crate::{
+    device::GpuEncoder,
+    splat::{
+        depth::{Depth, DepthPipeline, IsoDepth},
+        view::SplatView,
+    },
 };
 
 impl SplatPass {
@@ -29,17 +32,9 @@ impl SplatPass {
     /// `threshold` is the share of the light, as [`iso_threshold`](stylegaussian::splat::iso_threshold)
     /// limits it. A viewport with more pixels than the device can bind numbers has no depths, nor has one
     /// whose lists of tiles overflow.
-    pub fn find_depth(
-        &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        encoder: &mut wgpu::CommandEncoder,
-        view: &mut SplatView,
-        threshold: f32,
-        iso: &mut IsoDepth,
-    ) {
+    pub fn find_depth(&self, gpu: &mut GpuEncoder, view: &mut SplatView, threshold: f32, iso: &mut IsoDepth) {
         let by = (self.tiles.as_ref(), &self.draw.layout);
-        self.depth(device).find(device, queue, encoder, view, by, threshold, iso);
+        self.depth(gpu.device).find(gpu, view, by, threshold, iso);
     }
 
     /// Writes the depths of `iso` into the depth attachment of `pass`, where they are nearer. `pipeline` must

@@ -3,6 +3,7 @@
 use super::SplatPass;
 use crate::{
     bindings::compute_pass,
+    device::GpuEncoder,
     splat::{
         camera::Camera,
         cloud::{self, Cloud},
@@ -33,22 +34,19 @@ impl SplatPass {
     ///
     /// # Errors
     /// As for one camera. Nothing is encoded then, and neither view shows anything.
-    #[expect(clippy::too_many_arguments, reason = "three of them are wgpu's own at every call")]
     pub fn project_and_sort_eyes(
         &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        encoder: &mut wgpu::CommandEncoder,
+        gpu: &mut GpuEncoder,
         [first, second]: [&mut SplatView; 2],
         cameras: [&Camera; 2],
         clouds: &[Cloud],
         settings: &SplatSettings,
     ) -> Result<(), SplatError> {
         let is_eye = |camera: &Camera| camera.is_drawable() && !camera.is_orthographic();
-        let binds = |cloud: &Cloud| cloud.mask().is_none() || binds_masks(device);
+        let binds = |cloud: &Cloud| cloud.mask().is_none() || binds_masks(gpu.device);
         if !cameras.into_iter().all(is_eye) || !clouds.iter().all(binds) {
             for (view, camera) in [first, second].into_iter().zip(cameras) {
-                self.project_and_sort(device, queue, encoder, view, camera, clouds, settings)?;
+                self.project_and_sort(gpu, view, camera, clouds, settings)?;
             }
             return Ok(());
         }
@@ -64,16 +62,17 @@ impl SplatPass {
             second.forget_all();
             return Ok(());
         }
-        SplatView::reserve_eyes(first, second, device, &self.sort, &self.draw.layout, n_records)?;
+        SplatView::reserve_eyes(first, second, gpu.device, &self.sort, &self.draw.layout, n_records)?;
         let middle = middle(cameras);
         let mut change = Change::Nothing;
         for (view, camera) in [&mut *first, &mut *second].into_iter().zip(cameras) {
             view.set_paired(true);
             view.set_half_of(settings.whole(camera));
             let camera = &*settings.camera(camera);
-            view.set_camera(queue, camera, n_records as u32);
-            let own = self.project.write(device, queue, view, (camera, Some(middle)), &drawn, settings);
-            change = change.max(self.relight(device, queue, view, camera, clouds, own));
+            view.set_camera(gpu.queue, camera, n_records as u32);
+            let own =
+                self.project.write(gpu.device, gpu.queue, view, (camera, Some(middle)), &drawn, settings);
+            change = change.max(self.relight(gpu.device, gpu.queue, view, camera, clouds, own));
         }
         if change == Change::Nothing {
             return Ok(());
@@ -82,16 +81,16 @@ impl SplatPass {
             first.empty_lists();
             second.empty_lists();
         }
-        let second_eye = second.second_eye(device, self.project.eye_layout(device)).cloned();
+        let second_eye = second.second_eye(gpu.device, self.project.eye_layout(gpu.device)).cloned();
         let (Some(sort), Some(second_eye)) = (first.sort(), second_eye) else { return Ok(()) };
-        first.clear_strokes(encoder);
-        second.clear_strokes(encoder);
-        let mut pass = compute_pass(encoder, "splat_eyes");
-        self.project.encode_eyes(device, &mut pass, first, &second_eye);
-        self.project.encode_strokes(device, &mut pass, first);
-        self.project.encode_strokes(device, &mut pass, second);
-        self.light.encode(device, &mut pass, &first.lit);
-        self.light.encode(device, &mut pass, &second.lit);
+        first.clear_strokes(gpu.encoder);
+        second.clear_strokes(gpu.encoder);
+        let mut pass = compute_pass(gpu.encoder, "splat_eyes");
+        self.project.encode_eyes(gpu.device, &mut pass, first, &second_eye);
+        self.project.encode_strokes(gpu.device, &mut pass, first);
+        self.project.encode_strokes(gpu.device, &mut pass, second);
+        self.light.encode(gpu.device, &mut pass, &first.lit);
+        self.light.encode(gpu.device, &mut pass, &second.lit);
         if change == Change::Order {
             self.sort.encode(&mut pass, sort, n_records as u32);
         }

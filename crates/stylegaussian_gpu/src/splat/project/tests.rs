@@ -152,7 +152,7 @@ fn drawn_in(
     let HeadlessDevice { device, queue, .. } = gpu;
     let pass = SplatPass::new(device);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    pass.project_and_sort(device, queue, &mut encoder, view, camera, clouds, &SplatSettings::default())
+    pass.project_and_sort(&mut gpu.encoding(&mut encoder), view, camera, clouds, &SplatSettings::default())
         .unwrap();
     queue.submit([encoder.finish()]);
     let sort = view.sort().unwrap();
@@ -313,7 +313,7 @@ fn nothing_is_allocated_if_nothing_changed() {
     let mut frame = |camera: &Camera, clouds: &[Cloud]| {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let settings = SplatSettings { sort_key: SortKey::Distance, ..SplatSettings::default() };
-        pass.project_and_sort(device, queue, &mut encoder, &mut view, camera, clouds, &settings).unwrap();
+        pass.project_and_sort(&mut gpu.encoding(&mut encoder), &mut view, camera, clouds, &settings).unwrap();
         queue.submit([encoder.finish()]);
         view.resources()
     };

@@ -134,7 +134,7 @@ fn set_on_gpu(
     let cloud = Cloud { scene: &scene, colors, world_from_scene, visibility: None };
     let (mut view, settings) = (SplatView::new(), SplatSettings::default());
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    pass.project_and_sort(device, queue, &mut encoder, &mut view, camera, &[cloud], &settings).unwrap();
+    pass.project_and_sort(&mut gpu.encoding(&mut encoder), &mut view, camera, &[cloud], &settings).unwrap();
     queue.submit([encoder.finish()]);
     let geometry: Vec<[f32; 4]> = read(gpu, view.records().unwrap().0);
     let visible = geometry.iter().map(|half| half[3] > 0.0).collect();
@@ -311,7 +311,8 @@ fn records_change_when_strokes_are_redrawn_alone() {
         let cloud = Cloud { scene: &on_gpu, colors, world_from_scene: place, visibility: None };
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let settings = SplatSettings::default();
-        pass.project_and_sort(device, queue, &mut encoder, &mut view, &camera, &[cloud], &settings).unwrap();
+        pass.project_and_sort(&mut gpu.encoding(&mut encoder), &mut view, &camera, &[cloud], &settings)
+            .unwrap();
         queue.submit([encoder.finish()]);
         let records = &view.strokes().unwrap().records;
         let is_written = read::<[u32; 4]>(&gpu, records).iter().any(|record| *record != [0; 4]);

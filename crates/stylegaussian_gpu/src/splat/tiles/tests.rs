@@ -74,7 +74,8 @@ fn gpu_matches_cpu() {
         };
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let settings = SplatSettings::default();
-        pass.project_and_sort(device, queue, &mut encoder, &mut view, &camera, &[cloud], &settings).unwrap();
+        pass.project_and_sort(&mut gpu.encoding(&mut encoder), &mut view, &camera, &[cloud], &settings)
+            .unwrap();
         let lists = view.lists(device, queue, &tiles).unwrap();
         tiles.fill(&mut encoder, lists);
         assert!(lists.is_filled);

@@ -1,9 +1,13 @@
 //! State of a view that is drawn at half its width and height.
 
 use glam::UVec4;
+use stylegaussian_shaders::splat::half::SplatHalf;
 
 use super::SplatView;
-use crate::splat::{camera::Camera, half::HalfUniforms};
+use crate::{
+    buffers::Uniforms,
+    splat::{camera::Camera, half::half_of},
+};
 
 /// The state of a view that is drawn at half its width and height, or may be.
 #[derive(Debug, Default)]
@@ -11,7 +15,7 @@ pub(super) struct HalfState {
     /// The viewport of the whole picture, if splats are drawn at half its width and height.
     whole: Option<UVec4>,
     /// Uniforms, once such a layer was drawn.
-    uniforms: Option<HalfUniforms>,
+    uniforms: Option<Uniforms<SplatHalf>>,
 }
 
 impl SplatView {
@@ -34,7 +38,8 @@ impl SplatView {
         camera: &Camera,
     ) -> Option<(wgpu::Buffer, UVec4)> {
         let whole = self.half.whole.filter(|_| self.viewport.is_some())?;
-        let uniforms = self.half.uniforms.get_or_insert_with(|| HalfUniforms::new(device));
-        Some((uniforms.write(queue, camera).clone(), whole))
+        let uniforms = self.half.uniforms.get_or_insert_with(|| Uniforms::new(device, "splat_half"));
+        uniforms.write(queue, half_of(camera));
+        Some((uniforms.buffer.clone(), whole))
     }
 }

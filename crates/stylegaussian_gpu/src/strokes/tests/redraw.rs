@@ -136,7 +136,7 @@ fn redrawn(gpu: &HeadlessDevice, canvas: &Canvas, image: &PaintImage) -> Vec<Vec
     for _ in 0..2 {
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let reading = canvas.reading_size();
-        redrawer.encode(&gpu.device, &gpu.queue, &mut encoder, image, reading, &store, &layer).unwrap();
+        redrawer.encode(&mut gpu.encoding(&mut encoder), image, reading, &store, &layer).unwrap();
         gpu.queue.submit([encoder.finish()]);
     }
     assert!(levels(gpu, &store, 0) == before, "another layer changed");
@@ -146,7 +146,7 @@ fn redrawn(gpu: &HeadlessDevice, canvas: &Canvas, image: &PaintImage) -> Vec<Vec
     // Strokes that are gone have no layer to draw into.
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let reading = canvas.reading_size();
-    redrawer.encode(&gpu.device, &gpu.queue, &mut encoder, image, reading, &store, &layer).unwrap();
+    redrawer.encode(&mut gpu.encoding(&mut encoder), image, reading, &store, &layer).unwrap();
     found
 }
 
@@ -209,7 +209,7 @@ fn pixels_are_read_back_in_every_format() {
         let view = image(&gpu, format, size, bytes);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let source = PaintImage { view: &view, format, size };
-        let mut copy = redrawer.encode_read(&gpu.device, &gpu.queue, &mut encoder, &source).unwrap();
+        let mut copy = redrawer.encode_read(&mut gpu.encoding(&mut encoder), &source).unwrap();
         gpu.queue.submit([encoder.finish()]);
         assert!(copy.poll().is_none(), "the first call begins");
         gpu.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();

@@ -5,7 +5,6 @@ use std::{sync::Arc, time::Duration};
 
 use bevy::{
     asset::RenderAssetUsages,
-    ecs::system::SystemParam,
     platform::collections::HashMap,
     prelude::*,
     render::{render_resource::TextureUsages, renderer::RenderAdapterInfo},
@@ -73,7 +72,7 @@ pub(crate) struct LivingImage {
 
 impl LivingImages {
     /// Whether an image that changes is followed where all of it is used: it has a canvas, or one on its way.
-    fn follows(&self, canvases: &ImageCanvases, id: AssetId<Image>) -> bool {
+    pub(super) fn follows(&self, canvases: &ImageCanvases, id: AssetId<Image>) -> bool {
         self.images.contains_key(&id) && canvases.may_be_followed(id)
     }
 
@@ -144,20 +143,6 @@ impl LivingImages {
             living.asked.is_some_and(|(of, _)| of != living.version) && living.error.is_none()
         };
         self.images.values().any(|living| living.read.is_some() || is_due(living))
-    }
-}
-
-/// Whether an image that changes is a new painting, or followed.
-#[derive(SystemParam)]
-pub(crate) struct Followed<'w> {
-    living: Res<'w, LivingImages>,
-    canvases: Res<'w, ImageCanvases>,
-}
-
-impl Followed<'_> {
-    /// Whether a changed image is followed where all of it is used.
-    pub(crate) fn has(&self, id: AssetId<Image>) -> bool {
-        self.living.follows(&self.canvases, id)
     }
 }
 

@@ -26,7 +26,6 @@ pub(crate) mod pixels;
 mod statistics;
 
 use canvases::ImageCanvases;
-pub(crate) use living::Followed;
 use living::LivingImages;
 use statistics::ImageStatistics;
 
@@ -68,19 +67,6 @@ pub(crate) struct ImageInputs<'w> {
     living: ResMut<'w, LivingImages>,
 }
 
-/// The encoder, as far as it is still being loaded.
-#[derive(SystemParam)]
-pub(crate) struct LoadingEncoder<'w> {
-    encoder: Res<'w, StyleEncoder>,
-    server: Res<'w, AssetServer>,
-}
-
-impl LoadingEncoder<'_> {
-    pub(crate) fn is_loading(&self) -> bool {
-        matches!(self.server.get_load_state(&self.encoder.0), Some(LoadState::Loading))
-    }
-}
-
 impl ImageInputs<'_> {
     /// The canvas of an image, or of a part of it.
     pub(crate) fn canvas(&mut self, handle: &Handle<Image>, crop: Option<Crop>) -> Input<Later<Stretched>> {
@@ -95,6 +81,16 @@ impl ImageInputs<'_> {
             return Ok(None);
         }
         Ok(Some(self.canvases.get(handle, crop, image, is_living)))
+    }
+
+    /// Whether the encoder is still being loaded.
+    pub(crate) fn is_encoder_loading(&self) -> bool {
+        matches!(self.server.get_load_state(&self.encoder.0), Some(LoadState::Loading))
+    }
+
+    /// Whether an image that changes is followed, where all of it is used, and is no new painting.
+    pub(crate) fn follows(&self, id: AssetId<Image>) -> bool {
+        self.living.follows(&self.canvases, id)
     }
 
     /// The palette of an image whose canvas was asked for, or `None` if it is not known yet.

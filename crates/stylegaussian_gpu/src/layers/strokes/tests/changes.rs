@@ -13,7 +13,7 @@ impl World {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.mixer.begin_submission();
         let of_gpu = self.of_gpu(layers);
-        self.mixer.encode_strokes(device, queue, &mut encoder, &self.on_gpu, &of_gpu, mix).unwrap();
+        self.mixer.encode_strokes(&mut self.gpu.encoding(&mut encoder), &self.on_gpu, &of_gpu, mix).unwrap();
         queue.submit([encoder.finish()]);
     }
 

@@ -3,12 +3,7 @@
 //! This twin forms everything that the fast path avoids: f = A f' + b for every Gaussian, its statistics, AdaIN
 //! on it, and unfolded layers. It is slow and wide on purpose.
 
-use crate::{
-    decoder::Decoder,
-    neighbors::Neighbors,
-    scene::Features,
-    statistics::{ChannelStatistics, STD_DEV_EPSILON},
-};
+use stylegaussian::{ChannelStatistics, Decoder, Features, Neighbors, statistics::STD_DEV_EPSILON};
 
 /// f = A f' + b of every Gaussian, `[N][D]`.
 pub fn full_features(features: &Features) -> Vec<Vec<f64>> {
