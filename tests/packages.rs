@@ -122,7 +122,7 @@ fn plain_cargo_selects_the_workspace_package_alone() {
 }
 
 /// Workspaces of their own (`examples/avian`, `examples/openxr`, `fuzz`) have lock files that no other build
-/// reads. A dependency that a crate of ours gained without them would stop `--locked` builds there.
+/// reads. A dependency that a crate of ours gained or lost without them would stop `--locked` builds there.
 #[test]
 fn lock_files_of_other_workspaces_know_what_our_crates_need() {
     for lock in ["examples/avian/Cargo.lock", "examples/openxr/Cargo.lock", "fuzz/Cargo.lock"] {
@@ -136,6 +136,13 @@ fn lock_files_of_other_workspaces_know_what_our_crates_need() {
             for needed in needed(&manifest) {
                 let is_known = locked.dependencies.contains(&needed);
                 assert!(is_known, "{lock} does not know that {name} needs {needed}: call cargo there");
+            }
+            for listed in &locked.dependencies {
+                let is_key = |line: &str| {
+                    line.strip_prefix(listed).is_some_and(|rest| rest.starts_with(['.', ' ', '=']))
+                };
+                let is_needed = manifest.lines().any(is_key);
+                assert!(is_needed, "{lock} says that {name} needs {listed}: call cargo there");
             }
         }
         assert!(n_ours > 3, "{lock} has {n_ours} of our crates");

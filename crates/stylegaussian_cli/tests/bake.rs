@@ -140,7 +140,7 @@ fn files_that_are_no_checkpoint_stay_as_they_are() {
     let bench = bench();
     fs::write(bench.path("a.checkpoint.safetensors"), "mine").unwrap();
     bake(&bench, "a.look.safetensors", &["--steps", "1"])
-        .expect_error("a.checkpoint.safetensors: found a broken file");
+        .expect_error("a.checkpoint.safetensors: found a broken header");
     assert_eq!(fs::read(bench.path("a.checkpoint.safetensors")).unwrap(), b"mine");
     bench.expect_files(&["a.checkpoint.safetensors", "a.sgs", "p.png"]);
 }

@@ -2,10 +2,7 @@
 
 use serde_json::Value;
 
-use super::{
-    document::{Document, MOST_MEMORY_PER_BYTE},
-    nodes::index as number,
-};
+use super::document::{Document, MOST_MEMORY_PER_BYTE, index as number};
 use crate::error::{Mismatch, mismatch};
 
 /// Types of components that attributes may have.

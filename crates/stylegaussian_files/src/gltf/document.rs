@@ -122,7 +122,7 @@ impl<'a> Document<'a> {
     /// The bytes of a buffer view, and its stride if it has one.
     pub fn view(&self, index: usize) -> Result<(&[u8], Option<usize>), Mismatch> {
         let view = self.item("bufferViews", index)?;
-        let number = |key: &str| view[key].as_u64().and_then(|number| usize::try_from(number).ok());
+        let number = |key: &str| self::index(&view[key]);
         let buffer = number("buffer").and_then(|buffer| self.buffers.get(buffer));
         let (start, length) = (number("byteOffset").unwrap_or(0), number("byteLength").unwrap_or(0));
         let end = start.checked_add(length);
@@ -233,4 +233,9 @@ fn data(uri: &str) -> Result<Vec<u8>, Mismatch> {
         Some((_, text)) => base64::decode(text),
         None => Err(mismatch("a data: URI without `;base64,`", "base64")),
     }
+}
+
+/// A number that counts something.
+pub(super) fn index(value: &Value) -> Option<usize> {
+    value.as_u64().and_then(|number| usize::try_from(number).ok())
 }

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use serde_json::Value;
 
-use super::instances;
+use super::{document::index, instances};
 use crate::error::{Mismatch, mismatch};
 
 /// A mesh that a node shows.
@@ -106,11 +106,6 @@ fn local(node: &Value, number: usize) -> Result<DAffine3, Mismatch> {
 fn numbers<const N: usize>(value: &Value) -> Option<[f64; N]> {
     let values: Option<Vec<f64>> = value.as_array()?.iter().map(Value::as_f64).collect();
     values?.try_into().ok()
-}
-
-/// A number that counts something.
-pub(super) fn index(value: &Value) -> Option<usize> {
-    value.as_u64().and_then(|number| usize::try_from(number).ok())
 }
 
 fn indices(value: &Value) -> Result<Vec<usize>, Mismatch> {

@@ -14,8 +14,7 @@ use stylegaussian::{
 
 use super::{
     accessor::{Accessor, Component},
-    document::Document,
-    nodes::index,
+    document::{Document, index},
 };
 use crate::{
     error::{Mismatch, mismatch},
@@ -130,7 +129,7 @@ impl<'a> Splats<'a> {
         let of = [&self.extension["extensions"], &self.primitive["extensions"]];
         SPZ_EXTENSIONS.into_iter().find_map(|name| {
             let draft = of.iter().find_map(|extensions| extensions.get(name))?;
-            Some((name, usize::try_from(draft["bufferView"].as_u64()?).ok()?))
+            Some((name, index(&draft["bufferView"])?))
         })
     }
 
