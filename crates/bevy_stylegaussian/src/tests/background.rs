@@ -20,7 +20,7 @@ use stylegaussian::{Look, Mask, Scene, StoredMask, look::MadeFrom};
 use stylegaussian_files::{read_scene, write_look, write_mask, write_scene};
 
 use crate::{
-    AppliedStyle, GaussianScene, GaussianSplats, StyleGaussianPlugin, StyleSource,
+    AppliedStyle, GaussianScene, GaussianSplats, StyleGaussianPlugin, StyleSource, StyleThreads,
     mask::SavedMask,
     scene::{GpuScenes, LoadedScene, SceneReadings},
     style::{StyleLook, StylePin, StyleProgress, StyleRecolored, decoder::StyleBackend},
@@ -430,6 +430,8 @@ fn a_painted_scene_is_seen_until_the_gpu_has_the_next() {
 #[ignore = "a measurement, which other programs on the machine disturb"]
 fn frames_beside_paintings() {
     let Some(mut app) = app_with_rendering(StyleBackend::Cpu) else { return };
+    // As in a game. Other tests paint faster, and at the cost of frames.
+    app.insert_resource(StyleThreads::default());
     let target_image = render_target(&mut app, UVec2::new(640, 360));
     let view = Transform::from_xyz(0.0, 3.9, 9.7).looking_at(Vec3::ZERO, Vec3::Y);
     app.world_mut().spawn((Camera3d::default(), Msaa::Off, target(&target_image), view));
