@@ -26,7 +26,7 @@ impl GpuCommands<'_, '_> {
         self.device.wgpu_device()
     }
 
-    /// Has `encode` encode commands, whose time the diagnostics call `span`.
+    /// Encodes commands by `encode`. The diagnostics have their time under the name `span`.
     pub(crate) fn timed<T>(
         &mut self,
         span: impl Into<Cow<'static, str>>,
@@ -43,7 +43,7 @@ impl GpuCommands<'_, '_> {
         encoded
     }
 
-    /// Has `encode` encode commands that are too few to be timed.
+    /// Encodes commands by `encode` that are too few to be timed.
     pub(crate) fn encode<T>(&mut self, encode: impl FnOnce(&mut GpuEncoder) -> T) -> T {
         let encoder = self.context.command_encoder();
         encode(&mut GpuEncoder { device: self.device.wgpu_device(), queue: &self.queue, encoder })

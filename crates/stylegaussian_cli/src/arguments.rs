@@ -72,9 +72,9 @@ fn not_a_weight(found: &str) -> String {
 
 /// Numbers from 0 to 1.
 pub const FRACTIONS: RangeInclusive<f64> = 0.0..=1.0;
-/// Factors of what is 1 by default.
+/// Factors from 0 to 10.
 pub const FACTORS: RangeInclusive<f32> = 0.0..=10.0;
-/// How many times as many Gaussians splitting may give.
+/// Factors by which splitting may multiply Gaussians.
 pub const SPLITS: RangeInclusive<f64> = 1.0..=16.0;
 
 /// A parser of numbers in a range.

@@ -312,7 +312,7 @@ fn the_scene_is_recolored_until_it_is_painted() {
     assert!(drain::<StyleRecolored>(&mut app).is_empty(), "told once");
 }
 
-/// What a painting prepares of a scene takes hundreds of megabytes. All of it keeps the scene's data.
+/// Surfaces and canvases take hundreds of megabytes. Whatever is prepared of a scene keeps the scene's data.
 #[test]
 fn what_a_despawned_scene_was_painted_with_is_freed_in_the_next_frame() {
     let mut app = app_without_rendering();

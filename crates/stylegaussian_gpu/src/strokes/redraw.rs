@@ -104,7 +104,7 @@ pub enum RedrawError {
 pub struct StrokeRedrawer {
     step_layout: wgpu::BindGroupLayout,
     image_layout: wgpu::BindGroupLayout,
-    /// In the order of [`STAGES`].
+    /// In the order of [`Stage::ALL`].
     pipelines: Vec<wgpu::ComputePipeline>,
     scratch: Mutex<Scratch>,
 }
